@@ -4,6 +4,7 @@ use crate::doorbell::Doorbell;
 use crate::membership::Membership;
 use crate::memory::{PrivateMemory, look_for_room, take_room};
 use crate::message::Message;
+use crate::port::Failure;
 use crate::{InstanceName, IpcError, ReadOptions, Reader, StopSwitch, Writer};
 use core::sync::atomic::AtomicBool;
 use iceoryx2::config::Config;
@@ -109,7 +110,9 @@ impl Bus {
     /// [`IpcError::SecondWriter`], [`IpcError::Version`] or [`IpcError::Channel`].
     pub fn writer_on<M: Message>(&self, channel: &str) -> Result<Writer<M>, IpcError> {
         self.look_for_room(channel)?;
-        let writer = Writer::open(self.address(channel), &self.data_service::<M>(channel)?, self.doorbell(channel)?)?;
+        let address = self.address(channel);
+        let publisher = M::publisher(self, &address)?;
+        let writer = Writer::new(address, publisher, self.doorbell(channel)?);
         self.take_room(channel)?;
         Ok(writer)
     }
@@ -129,7 +132,9 @@ impl Bus {
     pub fn reader_on<M: Message>(&self, channel: &str, options: ReadOptions) -> Result<Reader<M>, IpcError> {
         self.look_for_room(channel)?;
         let doorbell = if options.wakes() { Some(self.doorbell(channel)?) } else { None };
-        let reader = Reader::open(self.address(channel), &self.data_service::<M>(channel)?, doorbell, options)?;
+        let address = self.address(channel);
+        let subscriber = M::subscriber(self, &address, options.buffer())?;
+        let reader = Reader::new(address, subscriber, doorbell, options);
         self.take_room(channel)?;
         Ok(reader)
     }
@@ -152,8 +157,7 @@ impl Bus {
     }
 
     /// Opens the channel's data service, or makes it; a version that differs is an error that names both.
-    fn data_service<M: Message>(&self, channel: &str) -> Result<DataService<M>, IpcError> {
-        let address = self.address(channel);
+    pub(crate) fn data_service<M: Message>(&self, address: &Address) -> Result<DataService<M>, IpcError> {
         let name = address.service_name()?;
         let verifier = version_requirement(M::VERSION).map_err(|e| address.failed("describing its payload", e))?;
         let service = self
@@ -176,8 +180,8 @@ impl Bus {
         match service.static_config().max_publishers() {
             found if found == M::MAX_WRITERS => Ok(service),
             found => Err(IpcError::Writers {
-                instance: address.instance,
-                channel: address.channel,
+                instance: address.instance.clone(),
+                channel: address.channel.clone(),
                 expected: M::MAX_WRITERS,
                 found,
             }),
@@ -207,7 +211,7 @@ impl Bus {
 
 /// Where a channel is, for error sentences; keeps its port's process a member of the instance.
 #[derive(Clone, Debug)]
-pub(crate) struct Address {
+pub struct Address {
     pub(crate) instance: String,
     pub(crate) channel: String,
     _membership: Arc<Membership>,
@@ -216,6 +220,12 @@ pub(crate) struct Address {
 impl Address {
     pub(crate) fn failed(&self, doing: &'static str, source_text: String) -> IpcError {
         IpcError::Channel { instance: self.instance.clone(), channel: self.channel.clone(), doing, source_text }
+    }
+
+    /// What its port failed at.
+    #[cold]
+    pub(crate) fn at(&self, failure: Failure) -> IpcError {
+        self.failed(failure.doing, failure.source_text)
     }
 
     fn version(&self, expected: u32, found: String) -> IpcError {

@@ -33,6 +33,7 @@ mod instance;
 mod membership;
 mod memory;
 pub mod message;
+mod port;
 mod process;
 mod reader;
 mod realtime;

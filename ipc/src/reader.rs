@@ -1,14 +1,14 @@
 //! A reader of a channel: takes every message in order, counts what is missing, sleeps or polls.
 
 use crate::ahead::Ahead;
-use crate::bus::{Address, DataService, MAX_READERS, Shm};
+use crate::bus::{Address, Shm};
 use crate::doorbell::Doorbell;
 use crate::message::Message;
+use crate::port::Subscribe;
 use crate::{IpcError, Process, clock};
 use core::ops::Deref;
 use core::time::Duration;
 use iceoryx2::identifiers::UniquePublisherId;
-use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::sample::Sample;
 
 /// How a reader waits for the next message.
@@ -87,12 +87,16 @@ impl ReadOptions {
     pub(crate) fn wakes(&self) -> bool {
         self.wakes
     }
+
+    pub(crate) fn buffer(&self) -> usize {
+        self.buffer
+    }
 }
 
 /// Takes messages of a channel in order.
 #[derive(Debug)]
 pub struct Reader<M: Message> {
-    subscriber: Subscriber<Shm, M, ()>,
+    subscriber: Box<dyn Subscribe<M>>,
     doorbell: Option<Doorbell>,
     mode: WaitMode,
     ahead: Ahead,
@@ -106,7 +110,7 @@ pub struct Reader<M: Message> {
 
 /// A message in shared memory, read where the writer put it.
 #[derive(Debug)]
-pub struct Received<M: Message>(Sample<Shm, M, ()>);
+pub struct Received<M: Message>(pub(crate) Sample<Shm, M, ()>);
 
 impl<M: Message> Deref for Received<M> {
     type Target = M;
@@ -116,25 +120,15 @@ impl<M: Message> Deref for Received<M> {
 }
 
 impl<M: Message> Reader<M> {
-    pub(crate) fn open(
+    pub(crate) fn new(
         address: Address,
-        data: &DataService<M>,
+        subscriber: Box<dyn Subscribe<M>>,
         doorbell: Option<Doorbell>,
         options: ReadOptions,
-    ) -> Result<Self, IpcError> {
-        let subscriber = data.subscriber_builder().buffer_size(options.buffer.min(M::DEPTH)).create().map_err(
-            |error| match error {
-                SubscriberCreateError::ExceedsMaxSupportedSubscribers => IpcError::TooManyReaders {
-                    instance: address.instance.clone(),
-                    channel: address.channel.clone(),
-                    limit: MAX_READERS,
-                },
-                other => address.failed("becoming its reader", format!("{other:?}")),
-            },
-        )?;
+    ) -> Self {
         let mode = options.mode;
         let ahead = Ahead::new(options.n_behind);
-        Ok(Self {
+        Self {
             subscriber,
             doorbell,
             mode,
@@ -145,7 +139,7 @@ impl<M: Message> Reader<M> {
             n_lost: 0,
             n_out_of_order: 0,
             address,
-        })
+        }
     }
 
     /// Takes the next message, or `None` when there is none. A message that does not follow its predecessor upwards is
@@ -158,10 +152,10 @@ impl<M: Message> Reader<M> {
     /// No allocation, no blocking, no system call once connected.
     pub fn take(&mut self) -> Result<Option<Received<M>>, IpcError> {
         loop {
-            let Some(sample) = self.subscriber.receive().map_err(|e| self.failed("taking from it", &e))? else {
+            let Some((writer, message)) = self.subscriber.take().map_err(|failure| self.address.at(failure))? else {
                 return Ok(None);
             };
-            let (writer, sequence) = (sample.header().publisher_id(), sample.payload().sequence());
+            let sequence = message.sequence();
             // A new writer counts from 1. What the very first one sent before this reader joined is not lost.
             let before = match self.last {
                 Some((last_writer, last_sequence)) if last_writer == writer => last_sequence,
@@ -177,7 +171,7 @@ impl<M: Message> Reader<M> {
             self.n_lost += if M::MAX_WRITERS == 1 { sequence - before - 1 } else { 0 };
             self.last = Some((writer, sequence));
             self.n_received += 1;
-            return Ok(Some(Received(sample)));
+            return Ok(Some(message));
         }
     }
 
@@ -260,15 +254,10 @@ impl<M: Message> Reader<M> {
         if self.has_messages()? {
             return Ok(true);
         }
-        doorbell.sleep(heard, timeout).map_err(|e| self.failed("waiting for it", &e))
+        doorbell.sleep(heard, timeout).map_err(|e| self.address.failed("waiting for it", format!("{e:?}")))
     }
 
     fn has_messages(&self) -> Result<bool, IpcError> {
-        self.subscriber.has_samples().map_err(|e| self.failed("looking at it", &e))
-    }
-
-    #[cold]
-    fn failed(&self, doing: &'static str, error: &dyn core::fmt::Debug) -> IpcError {
-        self.address.failed(doing, format!("{error:?}"))
+        self.subscriber.has_messages().map_err(|failure| self.address.at(failure))
     }
 }

@@ -1,31 +1,23 @@
 //! A writer of a channel; nearly every channel has but one.
 
 use crate::IpcError;
-use crate::bus::{Address, DataService, HISTORY, MAX_BORROWED, MAX_READERS, Shm};
+use crate::bus::Address;
 use crate::doorbell::Doorbell;
 use crate::message::Message;
-use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use crate::port::Publish;
 
 /// Publishes messages and wakes the readers that sleep. There are at most [`Message::MAX_WRITERS`] per channel.
 #[derive(Debug)]
 pub struct Writer<M: Message> {
-    publisher: Publisher<Shm, M, ()>,
+    publisher: Box<dyn Publish<M>>,
     doorbell: Doorbell,
     n_sent: u64,
     address: Address,
 }
 
 impl<M: Message> Writer<M> {
-    pub(crate) fn open(address: Address, data: &DataService<M>, doorbell: Doorbell) -> Result<Self, IpcError> {
-        let builder =
-            data.publisher_builder().max_loaned_samples(1).override_sample_preallocation(|_| n_samples::<M>());
-        let publisher = builder.create().map_err(|error| match error {
-            PublisherCreateError::ExceedsMaxSupportedPublishers => {
-                IpcError::SecondWriter { instance: address.instance.clone(), channel: address.channel.clone() }
-            }
-            other => address.failed("becoming its writer", format!("{other:?}")),
-        })?;
-        Ok(Self { publisher, doorbell, n_sent: 0, address })
+    pub(crate) fn new(address: Address, publisher: Box<dyn Publish<M>>, doorbell: Doorbell) -> Self {
+        Self { publisher, doorbell, n_sent: 0, address }
     }
 
     /// Messages sent so far.
@@ -53,8 +45,7 @@ impl<M: Message> Writer<M> {
     /// # Errors
     /// As [`Writer::send`].
     pub fn put(&mut self, message: &M) -> Result<(), IpcError> {
-        let sample = self.publisher.loan_uninit().map_err(|e| self.failed("borrowing shared memory", &e))?;
-        sample.write_payload(*message).send().map_err(|e| self.failed("publishing", &e))?;
+        self.publisher.publish(message).map_err(|failure| self.address.at(failure))?;
         self.n_sent += 1;
         Ok(())
     }
@@ -64,18 +55,6 @@ impl<M: Message> Writer<M> {
     /// # Errors
     /// As [`Writer::send`].
     pub fn wake(&mut self) -> Result<(), IpcError> {
-        self.doorbell.ring().map_err(|e| self.failed("waking its readers", &e))
+        self.doorbell.ring().map_err(|e| self.address.failed("waking its readers", format!("{e:?}")))
     }
-
-    #[cold]
-    fn failed(&self, doing: &'static str, error: &dyn core::fmt::Debug) -> IpcError {
-        self.address.failed(doing, format!("{error:?}"))
-    }
-}
-
-/// Samples that can be in use at once, all readers together: their queues hold some of the newest `DEPTH` (a full one drops
-/// its oldest), each reader has a few in hand, and the next one is being written. iceoryx2 would take room for as many in
-/// each queue.
-const fn n_samples<M: Message>() -> usize {
-    M::DEPTH + HISTORY + MAX_READERS * (MAX_BORROWED + 1) + 2
 }

@@ -49,6 +49,9 @@ pub use stamps::{HopStamps, LatencyLimits, N_HOPS};
 pub use state_command::{StateCommand, Transition};
 pub use state_request::{RequestOutcome, StateAnswer, StateRequest};
 
+use crate::bus::Address;
+use crate::port::{self, Publish, Subscribe};
+use crate::{Bus, IpcError};
 use iceoryx2::prelude::ZeroCopySend;
 
 /// A payload that may travel on a channel.
@@ -66,6 +69,14 @@ pub trait Message: ZeroCopySend + Copy + core::fmt::Debug + Send + Sync + 'stati
     fn sequence(&self) -> u64;
     /// The instant that the content is about, CLOCK_MONOTONIC, nanoseconds.
     fn sample_ns(&self) -> i64;
+    #[doc(hidden)]
+    fn publisher(bus: &Bus, address: &Address) -> Result<Box<dyn Publish<Self>>, IpcError> {
+        port::publisher(bus, address)
+    }
+    #[doc(hidden)]
+    fn subscriber(bus: &Bus, address: &Address, buffer: usize) -> Result<Box<dyn Subscribe<Self>>, IpcError> {
+        port::subscriber(bus, address, buffer)
+    }
 }
 
 /// Depth of most channels: 2 s at 1 kHz.
@@ -94,6 +105,20 @@ macro_rules! message {
             }
             fn sample_ns(&self) -> i64 {
                 self.sample_ns
+            }
+            // The same as without these two, but compiled in this crate and nowhere else.
+            fn publisher(
+                bus: &$crate::Bus,
+                address: &$crate::bus::Address,
+            ) -> Result<Box<dyn $crate::port::Publish<Self>>, $crate::IpcError> {
+                $crate::port::publisher(bus, address)
+            }
+            fn subscriber(
+                bus: &$crate::Bus,
+                address: &$crate::bus::Address,
+                buffer: usize,
+            ) -> Result<Box<dyn $crate::port::Subscribe<Self>>, $crate::IpcError> {
+                $crate::port::subscriber(bus, address, buffer)
             }
         }
     };
