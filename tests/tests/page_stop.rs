@@ -29,6 +29,7 @@ enum Stops {
     Finger,
     Escape,
     Enter,
+    Space,
 }
 
 #[test]
@@ -75,10 +76,11 @@ fn stops_while(cut: Option<WayCut>) {
             assert!(wait_until(PATIENCE, || relay.was_asked("GET /hangs")), "the page begins to hang");
         }
     }
-    let mut ways = vec![Stops::Mouse, Stops::Escape, Stops::Enter];
     // The browser's debugger hands a finger on only once the page has answered: on one that hangs none can be tried.
-    ways.extend(cut.map(|_| Stops::Finger));
-    for way in ways {
+    let finger = cut.map(|_| Stops::Finger);
+    for way in
+        [Some(Stops::Mouse), Some(Stops::Escape), finger, Some(Stops::Enter), Some(Stops::Space)].into_iter().flatten()
+    {
         let n_before = wait_for(&instance, "moving", is_moving).n_stops;
         match way {
             Stops::Mouse => page.press(place[0], place[1]),
@@ -88,6 +90,7 @@ fn stops_while(cut: Option<WayCut>) {
             }
             Stops::Escape => page.key("Escape", 27),
             Stops::Enter => [true, false].into_iter().for_each(|is_down| page.key_half(is_down, "Enter", 13)),
+            Stops::Space => [true, false].into_iter().for_each(|is_down| page.key_half(is_down, " ", 32)),
         }
         wait_for(&instance, &format!("stopped by {way:?} with {cut:?}"), |state| {
             state.n_stops > n_before && state.operating() == Some(OperatingState::Paused)

@@ -16,13 +16,18 @@ async function stop() {
   if (outcome.is_done) timer = setTimeout(() => { button.className = ''; say.textContent = rest; }, 8000);
 }
 
-button.addEventListener('pointerdown', event => { if (event.button === 0) stop(); });
-// A click that a pointer made (detail above 0) has already stopped when it was pressed down; one by key has not.
+// The keyboard comes along, also with a finger, which does not bring it by itself.
+button.addEventListener('pointerdown', event => { if (event.button === 0) { stop(); button.focus(); } });
+// What a pointer (detail above 0) or a key clicks has already stopped when it was pressed down; a screen reader's click has not.
 button.addEventListener('click', event => { event.preventDefault(); if (event.detail === 0) stop(); });
-addEventListener('keydown', event => { if (event.key === 'Escape' && !event.repeat) { event.preventDefault(); stop(); } });
+addEventListener('keydown', event => {
+  if (!['Escape', 'Enter', ' '].includes(event.key)) return;
+  event.preventDefault();
+  if (!event.repeat) stop();
+});
 // Whoever pressed the stop has the keyboard here; the letters of the other commands go on to the page.
 addEventListener('keydown', event => {
   const page = document.documentElement.dataset.page;
-  if (page && parent !== window && event.key.length === 1 && !event.repeat && !event.ctrlKey && !event.metaKey && !event.altKey) parent.postMessage({ key: event.key }, page);
+  if (page && parent !== window && event.key.length === 1 && event.key !== ' ' && !event.repeat && !event.ctrlKey && !event.metaKey && !event.altKey) parent.postMessage({ key: event.key }, page);
 });
 addEventListener('message', event => { if (event.origin === document.documentElement.dataset.page && event.data === 'stop') stop(); });
