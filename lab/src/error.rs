@@ -47,12 +47,10 @@ pub enum LabError {
         reason: String,
     },
     /// No part of such data can be locked.
-    #[error(
-        "a locked error is of one recording of a snake, of segments or of joints, and the data are {what}; leave --locked out"
-    )]
+    #[error("a locked error is of one recording, and these are {n}; leave --locked out")]
     NotLocked {
-        /// What the data are.
-        what: &'static str,
+        /// How many recordings there are.
+        n: usize,
     },
     /// Positions of a tip that make no bends.
     #[error("{data}: the tip's positions: {why}")]

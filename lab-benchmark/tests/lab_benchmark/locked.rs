@@ -3,7 +3,7 @@
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::machine::{ForceLab, JointsLab, MachineUnderTest, SnakeLab};
 use krait_lab::{LabError, Measurements};
-use krait_lab_benchmark::force::{FORCE_MODEL, ForceRecipe, force};
+use krait_lab_benchmark::force::{FORCE_MODEL, ForceKind, ForceRecipe, force};
 use krait_lab_benchmark::generate::{Kind, Motion, Recipe, base_model, generate};
 use krait_lab_benchmark::joints::{JOINTS_MODEL, JointKind, JointRecipe, joints};
 use krait_model::model_file::ModelFile;
@@ -64,15 +64,37 @@ fn of_two_trials_the_last_one_is_locked_and_begins_where_its_first_part_says() {
 }
 
 #[test]
-fn nothing_is_locked_that_was_not_asked_for_and_of_a_force_none_can_be() {
+fn the_last_fifth_of_a_torque_is_predicted_by_a_model_that_has_not_seen_it() {
+    let machine = ForceLab::new(&ModelFile::parse(FORCE_MODEL).unwrap()).unwrap();
+    let hidden = vec![(ForceKind::from_name("dry").unwrap(), 4.0)];
+    let (data, ..) = force(&ForceRecipe { hidden, seed: 5, ..ForceRecipe::default() }).unwrap();
+    let data = machine.filtered(data).unwrap();
+    let found = locked(&machine, &data).unwrap();
+    let own = found.locked.clone().unwrap();
+    assert_eq!((own.is_trial, own.verdict, own.effects.len()), (false, found.verdict, found.effects.len()), "{own:?}");
+    let floor = found.noise_floor.unwrap();
+    assert!(own.rms < 1.15 * floor && own.base_rms > 2.0 * floor, "{own:?}, floor {floor}");
+
+    // A torque that is shifted there is no part of the model, and all of its error.
+    let mut shifted = data.clone();
+    let first = data.n_rows() - data.n_rows() / 5;
+    let by = 3.0 * floor;
+    shifted.trial[first..].fill(1);
+    shifted.outputs.iter_mut().skip(first * data.n_outputs).for_each(|y| *y += by);
+    let there = locked(&machine, &shifted).unwrap().locked.unwrap();
+    assert_eq!((there.verdict, &there.effects), (own.verdict, &own.effects));
+    assert!((there.rms / own.rms.hypot(by) - 1.0).abs() < 0.1, "{} beside {}", there.rms, own.rms.hypot(by));
+}
+
+#[test]
+fn nothing_is_locked_that_was_not_asked_for_and_of_several_recordings_none_can_be() {
     let (machine, data) = snake();
     let short = data.select(&(0..60).collect::<Vec<_>>());
     assert_eq!(locked(&machine, &short).unwrap().locked, None, "too short");
     let options = DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() };
     assert_eq!(diagnose(&machine, &short, &options).unwrap().locked, None, "not asked for");
 
-    let machine = ForceLab::new(&ModelFile::parse(FORCE_MODEL).unwrap()).unwrap();
-    let (data, ..) = force(&ForceRecipe::default()).unwrap();
-    let refused = locked(&machine, &machine.filtered(data).unwrap()).unwrap_err();
-    assert!(matches!(refused, LabError::NotLocked { .. }) && refused.to_string().contains("leave --locked out"));
+    let recordings = vec![("a".to_owned(), 0), ("b".to_owned(), 1)];
+    let refused = diagnose(&machine, &data, &DiagnoseOptions { recordings, is_locked: true, ..options }).unwrap_err();
+    assert_eq!(refused.to_string(), "a locked error is of one recording, and these are 2; leave --locked out");
 }

@@ -10,7 +10,7 @@ use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::autocorrelation_time;
 use crate::prepare::prepare;
 use crate::stage::stage;
-use crate::{LabError, Measurements, Quantity};
+use crate::{LabError, Measurements};
 
 /// Of one trial so many correlation times are needed, of which the last part is locked.
 const LEAST_TIMES: f64 = 30.0;
@@ -48,12 +48,11 @@ impl LockedError {
 /// Refuses data of which no part can be locked, before anything is fitted.
 ///
 /// # Errors
-/// [`LabError::NotLocked`] of a force or of several recordings.
-pub(super) fn check(data: &Measurements, options: &DiagnoseOptions) -> Result<(), LabError> {
-    match (data.quantity, options.recordings.len()) {
-        (Quantity::Force, _) => Err(LabError::NotLocked { what: "a force" }),
-        (_, 0 | 1) => Ok(()),
-        _ => Err(LabError::NotLocked { what: "several recordings" }),
+/// [`LabError::NotLocked`] of several recordings.
+pub(super) fn check(options: &DiagnoseOptions) -> Result<(), LabError> {
+    match options.recordings.len() {
+        0 | 1 => Ok(()),
+        n => Err(LabError::NotLocked { n }),
     }
 }
 

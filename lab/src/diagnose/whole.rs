@@ -52,7 +52,7 @@ pub fn diagnose(
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
     if options.is_locked {
-        locked::check(data, options)?;
+        locked::check(options)?;
     }
     let diagnosis = open_diagnosis(machine, data, options)?;
     let remains = matches!(diagnosis.verdict, Verdict::Partly | Verdict::Unknown) || diagnosis.noise_floor.is_none();
