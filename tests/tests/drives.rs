@@ -12,6 +12,8 @@ mod gripper;
 mod groups;
 #[path = "drives/homing.rs"]
 mod homing;
+#[path = "drives/loads.rs"]
+mod loads;
 #[path = "drives/machines.rs"]
 mod machines;
 #[path = "drives/watch.rs"]
