@@ -140,7 +140,7 @@ impl OperatingMachine {
         }
     }
 
-    /// The drives failed: power is gone until `enable` or `disable` is sent.
+    /// The drives failed: motion is forbidden until `enable`, `disable` or `clear-fault` is sent. What becomes of the power is not decided here.
     pub fn fault(&mut self) {
         *self = Self { state: OperatingState::Fault, desired: self.desired, homed: false, busy: false };
     }

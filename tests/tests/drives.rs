@@ -4,12 +4,16 @@
 
 #[path = "drives/cycles.rs"]
 mod cycles;
+#[path = "drives/dry.rs"]
+mod dry;
 #[path = "drives/gripper.rs"]
 mod gripper;
 #[path = "drives/groups.rs"]
 mod groups;
 #[path = "drives/homing.rs"]
 mod homing;
+#[path = "drives/loads.rs"]
+mod loads;
 #[path = "drives/machines.rs"]
 mod machines;
 #[path = "drives/watch.rs"]
@@ -199,21 +203,6 @@ fn killed_in_motion(make: ServoMake) {
     krait.signal(Signal::CONT);
     krait.signal(Signal::INT);
     krait.end(PATIENCE);
-}
-
-#[test]
-fn a_dry_run_moves_nothing_and_says_what_it_would_send() {
-    let make = ServoMake::Sts3215;
-    let (instance, folder, emulator) = (instance_name("dry"), TempFolder::new("dry"), emulator(make));
-    let config = configuration(make, &folder, &emulator, "mode = \"dry\"");
-    let recording = folder.file("run.mcap");
-    let arguments = ["run", "--engage", "--instance", &instance, "--config", &config, "--recording", &recording];
-    let ended = Ended::of(&[&arguments[..], &["--seconds", "4", "--json"]].concat(), PATIENCE);
-    let peak = &ended.json()["passes"][0]["peak_bend_deg"];
-    assert!(peak["reached"].is_null() && peak["commanded"].is_number(), "nothing measured the bend: {peak}");
-    assert!(ended.stderr.contains("dry run: the actuators would be told to go there"), "{}", ended.stderr);
-    let wire = emulator.wire();
-    assert!(wire.n_requests > 50 && wire.servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()));
 }
 
 #[test]

@@ -12,6 +12,7 @@
 //!
 //! Source: CiA 301 and CiA 402-2, -3.
 
+mod emergencies;
 mod frame;
 mod home;
 mod node;
@@ -170,6 +171,15 @@ impl<W: Wire> Cia402<W> {
         }
     }
 
+    /// Says each new code of an emergency once, also where the status word shows no failure and nothing stops.
+    fn tell_emergencies(&mut self) {
+        for (k, node) in self.nodes.iter_mut().enumerate() {
+            while let Some((code, is_last)) = node.emergencies.take_next() {
+                tracing::warn!("{}", emergencies::sentence(k + 1, node.id, code, is_last));
+            }
+        }
+    }
+
     fn fill(&self, seen: &mut Seen) {
         seen.has_answered = [false; MAX_ACTUATORS];
         // The profile has no object for the one, and the other is in no cyclic frame.
@@ -229,6 +239,7 @@ impl<W: Wire> ActuatorBus for Cia402<W> {
             node.end_cycle(self.told, self.lost_cycles);
         }
         self.tell_lives();
+        self.tell_emergencies();
         self.fill(seen);
         self.n_tried = self.n_tried.saturating_add(1);
         // Named once: the drives are told to stop meanwhile.

@@ -1,5 +1,6 @@
 //! One drive on the bus: its configuration step by step, and what it said last.
 
+use super::emergencies::Emergencies;
 use super::frame::{Frame, OPERATIONAL, PRE_OPERATIONAL, Said, manage};
 use super::sdo::{Place, Reply, download, is_missing, reply, upload};
 use super::states::{
@@ -75,6 +76,8 @@ pub(crate) struct Node {
     is_double: bool,
     pub n_boots: u32,
     emergency: u16,
+    /// What of its emergencies was said.
+    pub emergencies: Emergencies,
     /// It has said under power that its power stage has voltage; not every drive says so.
     has_had_voltage: bool,
     /// It is another one than configured, or refuses what it must do; not yet named.
@@ -104,6 +107,7 @@ impl Node {
             is_double: false,
             n_boots: 0,
             emergency: 0,
+            emergencies: Emergencies::default(),
             has_had_voltage: false,
             is_stranger: false,
         }
@@ -198,7 +202,10 @@ impl Node {
                 (self.status, self.is_out) = (0, true);
             }
             Said::Heartbeat(state) => self.beat = Some((now_ns, state)),
-            Said::Emergency(code) => self.emergency = if code == 0 { self.emergency } else { code },
+            Said::Emergency(code) => {
+                self.emergency = if code == 0 { self.emergency } else { code };
+                self.emergencies.hear(code);
+            }
             Said::Cyclic { status, counts, torque } => {
                 self.n_answers = self.n_answers.saturating_add(1);
                 if self.n_answers > 1 {
@@ -244,6 +251,7 @@ impl Node {
     pub(crate) fn begin_switching(&mut self) {
         (self.is_out, self.is_double, self.n_missing, self.emergency) = (false, false, 0, 0);
         self.has_had_voltage = false;
+        self.emergencies.begin_anew();
         self.begin_anew();
     }
 
@@ -322,12 +330,12 @@ impl Node {
 }
 
 /// Whether an error code is of CiA 301's class of external errors, as a drive tells an emergency stop.
-fn is_external(code: u16) -> bool {
+pub(super) fn is_external(code: u16) -> bool {
     (0x9000..=0x90FF).contains(&code)
 }
 
 /// What an error code of CiA 402 means.
-fn meaning(code: u16) -> &'static str {
+pub(super) fn meaning(code: u16) -> &'static str {
     match code {
         0x2000..=0x2FFF => texts::CURRENT,
         0x3000..=0x3FFF => texts::VOLTAGE,

@@ -1,5 +1,6 @@
 //! Emulated drives in a time of their own: cycles as the bus's thread does them, judged as there.
 
+mod emergencies;
 mod faults;
 mod opening;
 mod returning;

@@ -1,4 +1,6 @@
-//! How each fault of one servo ends for all, judged from the recorded cycles: three servos in motion, one wish a cycle.
+//! How each fault of one servo, of the line, or of the whole bus ends for all, judged from the recorded cycles: three servos in motion, one wish a cycle.
+
+mod whole_bus;
 
 use crate::rig::{Rig, config, three};
 use krait_drives::emulator::{Emulator, Faults, ServoWire};
@@ -27,7 +29,7 @@ struct Motion {
 }
 
 impl Motion {
-    fn begin(make: ServoMake, change: fn(&mut SlaveConfig)) -> Self {
+    fn begin(make: ServoMake, change: impl FnOnce(&mut SlaveConfig)) -> Self {
         let emulator = Emulator::start(three(make)).unwrap();
         let mut config = config(make, &emulator);
         config.limits.rate_m_per_s = RATE_M_PER_S;

@@ -10,6 +10,7 @@ mod program;
 mod refusals;
 mod returning;
 mod serial;
+mod single_steps;
 mod stops;
 mod threads;
 #[path = "../../vm/verdict.rs"]

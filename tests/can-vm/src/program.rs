@@ -1,6 +1,8 @@
-//! The real `krait` program on the interface: finds the drives, sets their zero, makes a step, runs a chain, loses its slave.
+//! The real `krait` program on the interface: finds the drives, sets their zero, watches them, makes single steps, runs a chain,
+//! loses its slave.
 
 use crate::monitor::Monitor;
+use crate::single_steps;
 use crate::verdict::PartVerdict;
 use crate::world::{DriveMake, Drives, INTERFACE, kill};
 use anyhow::{Context, ensure};
@@ -11,7 +13,7 @@ use serde_json::Value;
 use std::process::{Command, Output, Stdio};
 
 pub const CONFIG: &str = "/tmp/can.toml";
-const TURNED: &str = "/tmp/turned.toml";
+pub const TURNED: &str = "/tmp/turned.toml";
 const RECORDING: &str = "/tmp/program.mcap";
 pub const ZERO: i32 = 1_000_000;
 /// Largest step of a target in a cycle of 2 ms at the configured 20 mm/s, counts, and one for what arrives late by a tick.
@@ -100,6 +102,7 @@ pub fn all() -> anyhow::Result<PartVerdict> {
     let found = done(&["drives", "--config", CONFIG, "--last-id", "5", "--json"])?;
     let n = found.matches(&format!("{ZERO},")).count();
     verdict.check("zeroed", zero.contains("read their zero_count") && n == 3, n);
+    single_steps::judge(&mut verdict)?;
 
     let mut monitor = Monitor::new()?;
     let mut chain = krait(&["run", "--engage", "--recording", RECORDING, "--config", CONFIG])

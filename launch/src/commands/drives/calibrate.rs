@@ -5,7 +5,7 @@ use super::directions::{Answer, Sweep, agree, pull_way};
 use super::loads::{LoadUnit, measured};
 use super::motion::{LONGEST_MM, Motion, TICK};
 use super::signs::with_signs;
-use super::{alone, real};
+use super::{alone, live, real};
 use crate::cli::Common;
 use crate::cli_drives::DrivesArgs;
 use crate::commands::overwrite::refuse_existing;
@@ -16,7 +16,7 @@ use core::time::Duration;
 use krait_drives::open_drive;
 use krait_ipc::message::{Actuators, MAX_ACTUATORS};
 use krait_report::Table;
-use krait_slave::{Drive, DriveMode, SlaveConfig};
+use krait_slave::{Drive, SlaveConfig};
 use serde::Serialize;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -60,10 +60,7 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     if config.slave.drive.names_groups() {
         config.check_drives()?;
     }
-    ensure!(
-        config.slave.drive.mode == DriveMode::Live,
-        "[slave.drive] mode = \"dry\": nothing would move; set it to \"live\" for a calibration"
-    );
+    live(&config.slave, "a calibration")?;
     let _bus = alone(common, &stop)?;
     let (slave, units) = measured(&config.slave)?;
     let drive = open_drive(&slave, None)?;

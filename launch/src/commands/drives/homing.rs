@@ -1,12 +1,13 @@
 //! Zeros at mechanical stops: one actuator after the other goes slowly to its stop, backs off, and where it stands then is its zero. All
 //! motion goes through the slave's own limiter, gate and watchdog; the others hold.
 
+use super::live;
 use super::motion::{Motion, TICK};
 use super::stop::{Pressed, StopWatch};
 use anyhow::{Context, bail, ensure};
 use krait_drives::{ServoMake, Units, open_drive};
 use krait_ipc::message::SlaveState;
-use krait_slave::{ActuatorConfig, Drive, DriveMode, HomingConfig, SlaveConfig};
+use krait_slave::{ActuatorConfig, Drive, HomingConfig, SlaveConfig};
 use std::io::{BufRead, Read, Write, stderr, stdin};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -31,10 +32,7 @@ pub(super) fn is_wanted(config: &SlaveConfig) -> bool {
 /// # Errors
 /// One sentence that names the actuator.
 pub(super) fn check(config: &SlaveConfig) -> anyhow::Result<()> {
-    ensure!(
-        config.drive.mode == DriveMode::Live,
-        "[slave.drive] mode = \"dry\": nothing would move; set it to \"live\" for a search for stops"
-    );
+    live(config, "a search for stops")?;
     for (k, homing) in searches(config) {
         homing.fits(&config.limits, k + 1)?;
     }

@@ -1,7 +1,7 @@
 //! Moves one actuator step by step, each at a key press.
 
 use super::motion::{LONGEST_MM, Motion, TICK};
-use super::{alone, described};
+use super::{alone, described, live};
 use crate::cli::Common;
 use crate::{print, signals};
 use anyhow::ensure;
@@ -24,6 +24,7 @@ pub(super) fn run(common: &Common, actuator: usize, step_mm: f64) -> anyhow::Res
     let stop = signals::stop_flag()?;
     let _bus = alone(common, &stop)?;
     let config = described(common)?;
+    live(&config, "single steps")?;
     let n = config.drive.actuator.len();
     ensure!((1..=n).contains(&actuator), "--jog {actuator}: expected 1 to {n}, the actuators of [slave.drive]");
     let drive = open_drive(&config, None)?;

@@ -2,7 +2,7 @@
 //! somebody reads a dial.
 
 use super::motion::{Motion, TICK};
-use super::{alone, described};
+use super::{alone, described, live};
 use crate::cli::Common;
 use crate::signals;
 use anyhow::{Context, bail, ensure};
@@ -35,6 +35,7 @@ impl LedDrives {
     pub(in crate::commands) fn start(common: &Common) -> anyhow::Result<Self> {
         let stop = signals::stop_flag()?;
         let config = described(common)?;
+        live(&config, "measuring its play")?;
         let n = config.drive.actuator.len();
         let bus = alone(common, &stop)?;
         let (orders, ordered) = channel();

@@ -22,7 +22,7 @@ use crate::config::Config;
 use crate::supervisor;
 use anyhow::ensure;
 use krait_ipc::Bus;
-use krait_slave::{DriveKind, SlaveConfig};
+use krait_slave::{DriveKind, DriveMode, SlaveConfig};
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
@@ -55,6 +55,15 @@ fn real(config: &Config) -> anyhow::Result<()> {
     ensure!(
         config.slave.drive.kind != DriveKind::Sim,
         "the configuration describes no real drives; name one with --config whose [slave.drive] does (docs/drives.md)"
+    );
+    Ok(())
+}
+
+/// Refuses a dry run where motion is what the command is for.
+fn live(config: &SlaveConfig, what: &str) -> anyhow::Result<()> {
+    ensure!(
+        config.drive.mode == DriveMode::Live,
+        "[slave.drive] mode = \"dry\": nothing would move; set it to \"live\" for {what}"
     );
     Ok(())
 }
