@@ -75,13 +75,18 @@ fn the_last_fifth_of_a_torque_is_predicted_by_a_model_that_has_not_seen_it() {
     let floor = found.noise_floor.unwrap();
     assert!(own.rms < 1.15 * floor && own.base_rms > 2.0 * floor, "{own:?}, floor {floor}");
 
-    // A torque that is shifted there is no part of the model, and all of its error.
-    let mut shifted = data.clone();
+    // A torque that goes up and down from row to row there is no part of the model, and all of its error.
+    let mut shaken = data.clone();
     let first = data.n_rows() - data.n_rows() / 5;
     let by = 3.0 * floor;
-    shifted.trial[first..].fill(1);
-    shifted.outputs.iter_mut().skip(first * data.n_outputs).for_each(|y| *y += by);
-    let there = locked(&machine, &shifted).unwrap().locked.unwrap();
+    shaken.trial[first..].fill(1);
+    shaken
+        .outputs
+        .chunks_mut(2)
+        .skip(first / 2)
+        .flat_map(|pair| pair.iter_mut().zip([by, -by]))
+        .for_each(|(y, by)| *y += by);
+    let there = locked(&machine, &shaken).unwrap().locked.unwrap();
     assert_eq!((there.verdict, &there.effects), (own.verdict, &own.effects));
     assert!((there.rms / own.rms.hypot(by) - 1.0).abs() < 0.1, "{} beside {}", there.rms, own.rms.hypot(by));
 }
