@@ -153,13 +153,6 @@ fn judge(path: &str, time_s: &[f64], loads_n: &[f64], carried: &Carried) {
     for (k, pairs) in pairs.iter().enumerate() {
         let own = pairs.iter().map(|(was, _)| *was);
         let (low, high) = own.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), n| (low.min(n), high.max(n)));
-        println!(
-            "line {}: {} rows, {low:.1} N to {high:.1} N, slope {:.3}, {} others",
-            k + 1,
-            pairs.len(),
-            slope(pairs),
-            n_other[k]
-        );
         assert!(
             pairs.len() > 1000 && high - low > 10.0 * STEP_N,
             "line {}: {low} N to {high} N in {}",
