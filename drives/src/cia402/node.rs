@@ -203,7 +203,10 @@ impl Node {
             }
             Said::Heartbeat(state) => self.beat = Some((now_ns, state)),
             Said::Emergency(code) => {
-                self.emergency = if code == 0 { self.emergency } else { code };
+                // That an error is over counts for a warning only: the code of a failure names it until power is switched anew.
+                if code != 0 || (is_enabled(self.status) && !self.is_out) {
+                    self.emergency = code;
+                }
                 self.emergencies.hear(code);
             }
             Said::Cyclic { status, counts, torque } => {

@@ -1,6 +1,7 @@
 //! Emergencies without a change of the status word: nothing stops, and the log says each code once.
 
 use super::*;
+use krait_slave::DriveError;
 use std::fmt::{Debug, Write};
 use std::sync::Mutex;
 use tracing::field::{Field, Visit};
@@ -122,4 +123,37 @@ fn the_emergency_of_a_second_drive_that_trips_is_said_though_the_first_failure_a
         let lines = said(&log);
         assert!(lines.iter().any(|line| line.contains("drive 2 (id 2) sent an emergency (code 0x4310)")), "{lines:?}");
     });
+}
+
+/// A warning that is over is no reason of what comes later; the code of a failure stays its reason, also when the error is over.
+#[test]
+fn a_warning_that_is_over_names_no_later_stop_and_a_failure_keeps_its_code() {
+    for (is_over, expected) in [(true, DriveError::HardwareStop { actuator: 2, code: 0 }), (false, tripped(0x4210))] {
+        let mut bench = Bench::powered();
+        send(&bench, 0x4210);
+        bench.go(5);
+        if is_over {
+            send(&bench, 0);
+        }
+        bench.go(5);
+        bench.bus.lock().with(1, |drive, out| drive.press_emergency_stop(None, out));
+        bench.go(3);
+        assert_eq!(bench.report().failure.map(code_alone), Some(expected), "over: {is_over}");
+    }
+    let mut bench = Bench::powered();
+    bench.bus.lock().with(1, |drive, out| drive.trip(0x3220, out));
+    send(&bench, 0);
+    bench.go(3);
+    assert_eq!(bench.report().failure.map(code_alone), Some(tripped(0x3220)));
+}
+
+fn tripped(code: u32) -> DriveError {
+    DriveError::Tripped { actuator: 2, code, meaning: "" }
+}
+
+fn code_alone(failure: DriveError) -> DriveError {
+    match failure {
+        DriveError::Tripped { actuator, code, .. } => DriveError::Tripped { actuator, code, meaning: "" },
+        other => other,
+    }
 }
