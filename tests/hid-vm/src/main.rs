@@ -12,6 +12,7 @@ mod pedal;
 mod qmp;
 mod repeated;
 mod spacemouse;
+mod stick;
 mod uhid;
 mod usb_hand;
 #[path = "../../vm/verdict.rs"]
@@ -60,6 +61,8 @@ fn run_parts(fault: DeviceFault) -> bool {
             ("lights", Box::new(parts::lights)),
             ("rumble", Box::new(parts::rumble)),
             ("shipped_rumble", Box::new(parts::shipped_rumble)),
+            ("stick", Box::new(move || parts::stick(fault))),
+            ("stick_control", Box::new(parts::stick_control)),
             ("two_hands", Box::new(move || parts::two_hands(fault))),
             ("pedal", Box::new(parts::pedal)),
             ("two_control", Box::new(parts::two_control)),
