@@ -13,6 +13,7 @@ mod qmp;
 mod repeated;
 mod spacemouse;
 mod stick;
+mod talking;
 mod uhid;
 mod usb_hand;
 #[path = "../../vm/verdict.rs"]
@@ -63,6 +64,8 @@ fn run_parts(fault: DeviceFault) -> bool {
             ("shipped_rumble", Box::new(parts::shipped_rumble)),
             ("stick", Box::new(move || parts::stick(fault))),
             ("stick_control", Box::new(parts::stick_control)),
+            ("live", Box::new(move || parts::live(fault))),
+            ("live_control", Box::new(parts::live_control)),
             ("two_hands", Box::new(move || parts::two_hands(fault))),
             ("pedal", Box::new(parts::pedal)),
             ("two_control", Box::new(parts::two_control)),

@@ -3,6 +3,7 @@
 mod chain;
 mod devices;
 mod lights;
+mod live;
 mod malformed;
 mod pedal;
 mod receiver;
@@ -24,6 +25,7 @@ mod usb_two;
 pub use chain::{chain, control};
 pub use devices::{devices, unreadable};
 pub use lights::lights;
+pub use live::{control as live_control, live};
 pub use malformed::malformed;
 pub use pedal::pedal;
 pub use receiver::receiver;
