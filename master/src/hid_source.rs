@@ -23,6 +23,8 @@ const QUEUE: usize = 256;
 const READ_TIMEOUT: Duration = Duration::from_millis(50);
 /// Pause between two searches for a device that was unplugged. A search takes 13 to 260 ms of one core.
 const SEARCH_PAUSE: Duration = Duration::from_millis(500);
+/// Pause before the first search, so that a search on the same core does not delay the end of the motion.
+const TOLD_PAUSE: Duration = Duration::from_millis(20);
 
 /// Reads a live device.
 #[derive(Debug)]
@@ -247,6 +249,7 @@ impl Reader {
     /// Looks for the device again and again. There is no device to be read meanwhile, so its slowness delays nothing. A
     /// refusal for want of permission is tried again too: udev sets permissions a little after the node appears.
     fn search(&mut self) -> Option<OpenPort> {
+        std::thread::park_timeout(TOLD_PAUSE.min(self.pause));
         while !self.is_stopped() {
             match self.host.open(&self.choice) {
                 Ok(opened) => return Some(opened),

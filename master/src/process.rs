@@ -43,7 +43,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
     let marks = bus.writer_on(Marker::DEVICE_CHANNEL)?;
     let wishes = bus.reader(ReadOptions::glancing())?;
     let begun_ns = clock::monotonic_ns();
-    let (device_ns, has_log_dropped, told_refusals) = (None, false, 0);
+    let (device_ns, has_loss, has_log_dropped, told_refusals) = (None, false, false, 0);
     let mut master = Master {
         core,
         source,
@@ -56,6 +56,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
         marks,
         health,
         device_ns,
+        has_loss,
         has_log_dropped,
         told_refusals,
         feedback,
@@ -79,6 +80,8 @@ struct Master {
     health: HealthReporter,
     // When the newest report that no input has carried yet was in hand.
     device_ns: Option<i64>,
+    // Whether the device was lost since the last input: that is told at once, like a report.
+    has_loss: bool,
     // Whether the log had no room for a report since the last input.
     has_log_dropped: bool,
     // Kinds of refused packets that were told of, a bit each.
@@ -101,7 +104,7 @@ impl Master {
             self.begin_when_ready(now_ns)?;
             self.take_events(now_ns)?;
             let n_before = ticker.n_ticks();
-            if ticker.is_due(now_ns, self.device_ns.is_some()) {
+            if ticker.is_due(now_ns, self.device_ns.is_some() || self.has_loss) {
                 self.publish(now_ns)?;
                 self.health.publish_if_due(now_ns)?;
                 self.show(ticker.n_ticks() - n_before)?;
@@ -153,13 +156,17 @@ impl Master {
                 SourceEvent::Plug { device, stamp_ns, plug } => {
                     self.record(device, stamp_ns, RecordedEvent::Plug(plug));
                     match plug {
-                        Plug::Out => self.core.on_unplugged_of(device),
+                        Plug::Out => {
+                            self.core.on_unplugged_of(device);
+                            self.has_loss = true;
+                        }
                         Plug::In => self.core.on_plugged_of(device),
                     }
                 }
                 SourceEvent::GivenBack => {
                     self.record(0, now_ns, RecordedEvent::Plug(Plug::Out));
                     self.core.on_given_back();
+                    self.has_loss = true;
                 }
                 SourceEvent::Restarted => self.core.on_restarted(),
                 SourceEvent::Ended => self.core.on_ended(),
@@ -222,6 +229,7 @@ impl Master {
                 self.core.on_wish(&wish);
             }
         }
+        self.has_loss = false;
         let mut input = self.core.on_tick(now_ns);
         if let Some(device_ns) = self.device_ns.take() {
             input.stamps.device_ns = device_ns;

@@ -67,6 +67,7 @@ pub fn run(common: &Common, args: &DevicesArgs) -> anyhow::Result<ExitCode> {
     devices.extend(krait_master::list_inputs().into_iter().map(|input| of_input(input, &own, &shipped)));
     if let Some(path) = &args.write_udev {
         write_rules(path, &rules(&devices))?;
+        say_next(path);
     }
     if args.json {
         print::json(&devices)?;
@@ -160,6 +161,15 @@ fn write_rules(path: &Path, lines: &[&str]) -> anyhow::Result<()> {
     let file = File::options().write(true).create_new(true).open(path);
     file.and_then(|mut file| file.write_all(text.as_bytes()))
         .with_context(|| format!("{} could not be written; name a new file in a folder of yours", path.display()))
+}
+
+/// What is left to do with the file, on standard error: standard output may be JSON.
+#[allow(clippy::print_stderr)]
+fn say_next(path: &Path) {
+    eprintln!(
+        "{} is written; now `sudo cp {0} {RULES_FILE} && sudo udevadm control --reload && sudo udevadm trigger`",
+        path.display()
+    );
 }
 
 fn advice(devices: &[Device]) -> String {

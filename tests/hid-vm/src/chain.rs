@@ -214,7 +214,8 @@ pub fn signal(verb: &str, signal: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn command(user: User, arguments: &[&str]) -> Command {
+/// krait as that user starts it.
+pub fn command(user: User, arguments: &[&str]) -> Command {
     let mut command = Command::new(KRAIT);
     command.args(arguments);
     if user == User::Nobody {
@@ -223,7 +224,8 @@ fn command(user: User, arguments: &[&str]) -> Command {
     command
 }
 
-fn gather(lines: impl BufRead, heard: &Mutex<String>) {
+/// Keeps the lines that come.
+pub fn gather(lines: impl BufRead, heard: &Mutex<String>) {
     for line in lines.lines().map_while(Result::ok) {
         if let Ok(mut said) = heard.lock() {
             said.push_str(&line);

@@ -12,6 +12,8 @@ mod pedal;
 mod qmp;
 mod repeated;
 mod spacemouse;
+mod stick;
+mod talking;
 mod uhid;
 mod usb_hand;
 #[path = "../../vm/verdict.rs"]
@@ -53,12 +55,17 @@ fn run_parts(fault: DeviceFault) -> bool {
             ("control", Box::new(parts::control)),
             ("unplug", Box::new(parts::unplug)),
             ("replug", Box::new(parts::hid_replug)),
+            ("replug_control", Box::new(parts::hid_replug_control)),
             ("receiver", Box::new(parts::receiver)),
             ("unreadable", Box::new(parts::unreadable)),
             ("malformed", Box::new(parts::malformed)),
             ("lights", Box::new(parts::lights)),
             ("rumble", Box::new(parts::rumble)),
             ("shipped_rumble", Box::new(parts::shipped_rumble)),
+            ("stick", Box::new(move || parts::stick(fault))),
+            ("stick_control", Box::new(parts::stick_control)),
+            ("live", Box::new(move || parts::live(fault))),
+            ("live_control", Box::new(parts::live_control)),
             ("two_hands", Box::new(move || parts::two_hands(fault))),
             ("pedal", Box::new(parts::pedal)),
             ("two_control", Box::new(parts::two_control)),
@@ -80,18 +87,21 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
     };
     run_all([
         ("mouse", part(parts::mouse)),
-        ("tablet", part(|qmp, _| parts::tablet(qmp))),
+        ("tablet", part(parts::tablet)),
         ("keyboard", part(parts::keyboard)),
         ("usb_control", part(|qmp, _| parts::usb_control(qmp))),
         ("usb_chain", part(|qmp, _| parts::usb_chain(qmp))),
         ("replug", part(|qmp, _| parts::replug(qmp))),
         ("mouse_replug", part(|qmp, _| parts::mouse_replug(qmp))),
+        ("tablet_replug", part(|qmp, _| parts::tablet_replug(qmp))),
+        ("replug_control", part(|qmp, _| parts::replug_control(qmp))),
         ("usb_two", part(parts::usb_two)),
         ("usb_two_control", part(|qmp, _| parts::usb_two_control(qmp))),
         ("usb_lights", part(|qmp, _| parts::usb_lights(qmp))),
         ("usb_restart", part(|qmp, _| parts::usb_restart(qmp))),
         ("mouse_repeated", part(|qmp, _| parts::mouse_repeated(qmp))),
         ("keyboard_repeated", part(|qmp, _| parts::keyboard_repeated(qmp))),
+        ("tablet_repeated", part(|qmp, _| parts::tablet_repeated(qmp))),
     ])
 }
 

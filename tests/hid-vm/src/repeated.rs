@@ -1,12 +1,40 @@
 //! Whether a chain made of its hand's reports what the same reports make out of a file: the operator's inputs through the same core, and
 //! setpoints and commands through `krait verify`.
 
-use crate::chain::{Journal, User, VmEnded};
+use crate::chain::{Journal, User, VmChain, VmEnded};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
+use krait_ipc::clock;
 use krait_ipc::message::{HopStamps, OperatorInput};
 use krait_master::{Engage, HidRecording, MasterConfig, MasterCore, Plug, RecordedEvent};
 use std::path::Path;
+
+/// A chain that follows bends the snake at least so far, deg.
+const MOVED_DEG: f64 = 2.0;
+
+/// Runs a chain on a hand, whose arguments are given, for longer than the scene takes, while a scene is played on that, and judges it as [`judge`] does.
+///
+/// # Errors
+/// As [`judge`], and what `play` says.
+pub fn chain(
+    verdict: &mut PartVerdict,
+    name: &str,
+    (hand, seconds): (&[&str], f64),
+    play: impl FnOnce() -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let [config, reports] = [format!("/tmp/{name}-repeated.toml"), format!("/tmp/{name}-repeated.krr")];
+    std::fs::write(&config, format!("[master]\nrecord_reports = \"{reports}\"\n")).context("a configuration")?;
+    let more = [hand, &["--config", &config]].concat();
+    let chain = VmChain::start_with(&format!("repeated-{name}"), User::Root, seconds, &more)?;
+    let begun_ns = clock::monotonic_ns();
+    play()?;
+    let played_ns = clock::monotonic_ns();
+    let (ended, journal, recording) = chain.end_with_recording()?;
+    let moved_deg = journal.moved_deg(begun_ns, played_ns);
+    verdict.check("moved_deg", moved_deg > MOVED_DEG, format!("{moved_deg:.1}"));
+    verdict.check("exit_code", ended.code == Some(0), format!("{:?}", ended.code));
+    judge(verdict, &journal, Path::new(&reports), &recording)
+}
 
 /// Judges a chain by its own recording and by the file of its reports, with a control: without one report it must not hold.
 ///

@@ -27,6 +27,8 @@ pub enum DeviceFault {
     Silent,
     /// It leaves out one report in the middle.
     Drop,
+    /// Of the times that it should be pulled out, it stays in the middle one.
+    Stays,
 }
 
 /// The device, plugged in until it is dropped or unplugged.

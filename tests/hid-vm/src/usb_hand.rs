@@ -1,4 +1,5 @@
-//! A USB device of QEMU's own as krait's hand: krait's own code finds, takes and reads it, and a stranger listens at the same node.
+//! A device of the kernel's input system, mostly a USB device of QEMU's own, as krait's hand: krait's own code finds, takes and reads it, and a
+//! stranger listens at the same node.
 
 use crate::qmp::{Act, Qmp};
 use crate::spacemouse::{DeviceFault, wait_for};
@@ -15,6 +16,12 @@ use std::time::Duration;
 pub const PATIENCE_NS: i64 = 2_000_000_000;
 /// Silence after which nothing more comes, ns: many windows of a way.
 pub const SILENCE_NS: i64 = 300_000_000;
+/// Longer than the pause between two searches for a lost device, ns: a device that stays where it is neither goes nor comes by then.
+const STAYED_NS: i64 = 1_500_000_000;
+/// How long a loss and a return are waited for, ns.
+const REPLUG_NS: i64 = 10_000_000_000;
+/// Silence after which a device has said where it is, ns.
+const SAID_NS: i64 = 100_000_000;
 
 /// Plugs a device in and waits for its node.
 ///
@@ -22,12 +29,17 @@ pub const SILENCE_NS: i64 = 300_000_000;
 /// QEMU refuses, or the kernel makes no node of that name.
 pub fn plugged(qmp: &mut Qmp, driver: &str, name: &str) -> anyhow::Result<InputDevice> {
     qmp.plug(driver)?;
-    let mut found = None;
-    wait_for("the node of QEMU's device", || {
-        found = list_inputs().into_iter().find(|input| input.name.contains(name) && input.may_open);
-        found.is_some()
-    })?;
-    found.context("the node has gone again")
+    wait_for("the node of QEMU's device", || node_of(name).is_ok())?;
+    node_of(name)
+}
+
+/// The device of that name that is there and may be opened.
+///
+/// # Errors
+/// There is none.
+pub fn node_of(name: &str) -> anyhow::Result<InputDevice> {
+    let found = list_inputs().into_iter().find(|input| input.name.contains(name) && input.may_open);
+    found.with_context(|| format!("no node of {name:?}"))
 }
 
 /// Pulls it out and waits until its node is gone.
@@ -57,8 +69,8 @@ pub struct UsbHand {
     /// Whether it was found again.
     pub was_found: bool,
     /// How often it was lost, and found again, of those times that it was pulled out and put back.
-    pub n_lost: u32,
-    pub n_found: u32,
+    pub n_lost: i32,
+    pub n_found: i32,
 }
 
 impl UsbHand {
@@ -118,46 +130,89 @@ impl UsbHand {
         })
     }
 
-    /// Pulls the device out while something of it is held, lets that go, and plugs it in again: what it is then.
+    /// Passes by what the device says of where it is when it is taken.
+    pub fn settle(&mut self) {
+        while self.next(SAID_NS).is_some() {}
+    }
+
+    /// Pulls the device out while something of it is held, lets that go, and plugs it in again, and counts what krait noticed of both.
     ///
     /// # Errors
-    /// QEMU refuses, or krait does not notice one of both.
-    pub fn replug(&mut self, qmp: &mut Qmp, (driver, name): (&str, &str), let_go: Act) -> anyhow::Result<InputDevice> {
+    /// QEMU refuses.
+    pub fn replug(
+        &mut self,
+        qmp: &mut Qmp,
+        (driver, name): (&str, &str),
+        let_go: Act,
+        fault: DeviceFault,
+    ) -> anyhow::Result<()> {
+        let stays = fault == DeviceFault::Stays;
+        let patience_ns = if stays { STAYED_NS } else { REPLUG_NS };
         (self.was_lost, self.was_found) = (false, false);
-        unplugged(qmp, driver, name)?;
-        self.wait_for("the loss of the device", |hand| hand.was_lost)?;
-        self.n_lost += u32::from(self.was_lost);
+        if !stays {
+            unplugged(qmp, driver, name)?;
+        }
+        self.n_lost += i32::from(self.sees(patience_ns, |hand| hand.was_lost));
         qmp.act(&[let_go])?;
-        let device = plugged(qmp, driver, name)?;
-        self.wait_for("the return of the device", |hand| hand.was_found)?;
-        self.n_found += u32::from(self.was_found);
-        Ok(device)
+        if !stays {
+            plugged(qmp, driver, name)?;
+        }
+        self.n_found += i32::from(self.sees(patience_ns, |hand| hand.was_found));
+        Ok(())
+    }
+
+    /// Whether something is seen in time while reports go by.
+    fn sees(&mut self, patience_ns: i64, done: impl Fn(&Self) -> bool) -> bool {
+        let until_ns = clock::monotonic_ns() + patience_ns;
+        while !done(self) && clock::monotonic_ns() < until_ns {
+            self.next(10_000_000);
+        }
+        done(self)
     }
 
     /// Plays a scene: each act, and what krait must make of it before the next. Gives what it made of all of them, and what came
     /// behind the last. A fault leaves out the act in the middle.
     ///
     /// # Errors
-    /// QEMU refuses.
-    pub fn play(&mut self, qmp: &mut Qmp, scene: &Scene, fault: DeviceFault) -> anyhow::Result<Vec<HidReport>> {
+    /// The device refuses an act.
+    pub fn play<A>(
+        &mut self,
+        scene: &Scene<A>,
+        fault: DeviceFault,
+        act: impl FnMut(&A) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Vec<HidReport>> {
+        let mut heard = self.play_through(scene, fault, act)?;
+        heard.extend(std::iter::from_fn(|| self.next(SILENCE_NS)));
+        Ok(heard)
+    }
+
+    /// The same, and what comes behind the last is not waited for.
+    ///
+    /// # Errors
+    /// As [`UsbHand::play`].
+    pub fn play_through<A>(
+        &mut self,
+        scene: &Scene<A>,
+        fault: DeviceFault,
+        mut act: impl FnMut(&A) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Vec<HidReport>> {
         let mut heard = Vec::new();
         for (idx, (acts, due)) in scene.iter().enumerate() {
             let is_spoiled = fault == DeviceFault::Drop && idx == scene.len() / 2;
             if !is_spoiled {
-                qmp.act(acts)?;
+                act(acts)?;
             }
             heard.extend(due.iter().map_while(|_| self.next(PATIENCE_NS)));
         }
-        heard.extend(std::iter::from_fn(|| self.next(SILENCE_NS)));
         Ok(heard)
     }
 }
 
 /// What a person does, and the reports that must come of it.
-pub type Scene = Vec<(Vec<Act>, Vec<HidReport>)>;
+pub type Scene<A = Vec<Act>> = Vec<(A, Vec<HidReport>)>;
 
 /// All reports of a scene.
-pub fn due(scene: &Scene) -> Vec<HidReport> {
+pub fn due<A>(scene: &Scene<A>) -> Vec<HidReport> {
     scene.iter().flat_map(|(_, due)| due.iter().copied()).collect()
 }
 

@@ -1,12 +1,14 @@
 //! The SpaceMouse pulled out and plugged in again and again while its cap is held: each time it is lost, found, and heard whole and in order.
 
 use crate::model::{Model, VENDOR_ID};
-use crate::spacemouse::{SpaceMouse, wait_for};
+use crate::spacemouse::{DeviceFault, SpaceMouse, wait_for};
 use crate::verdict::PartVerdict;
 use krait_ipc::clock;
 use krait_master::{DeviceChoice, HidReport, HidSource, Plug, ReportSource, SourceEvent};
 
+/// How often it is pulled out, and how often in the control.
 const N_PLUGS: i16 = 20;
+const N_CONTROL: i16 = 3;
 /// Reports of the held cap each time.
 const N_REPORTS: i16 = 5;
 
@@ -30,43 +32,74 @@ impl Heard {
             }
         }
     }
+
+    /// Takes what comes until something is seen, or for ten seconds; whether it was seen.
+    fn sees(&mut self, source: &mut HidSource, done: impl Fn(&Self) -> bool) -> bool {
+        wait_for("what is judged below", || {
+            self.take(source);
+            done(self)
+        })
+        .is_ok()
+    }
 }
 
 /// Through the master's own source of reports.
 pub fn replug() -> anyhow::Result<PartVerdict> {
+    replugged(N_PLUGS, DeviceFault::None)
+}
+
+/// A report that is left out once must be missed, and a device that stays where it is once must be neither lost nor found then.
+pub fn control() -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
+    let dropped = replugged(N_CONTROL, DeviceFault::Drop)?.failed();
+    verdict.check("drop_fails", dropped == ["in_order"], dropped.join(","));
+    let stayed = replugged(N_CONTROL, DeviceFault::Stays)?.failed();
+    verdict.check("stay_fails", stayed == ["lost", "found"], stayed.join(","));
+    Ok(verdict)
+}
+
+/// A fault spoils the time in the middle.
+fn replugged(n_plugs: i16, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     let model = Model::Compact;
     let choice = format!("{VENDOR_ID:04x}:{:04x}", model.product_id());
     let mut mouse = SpaceMouse::plug(model)?;
     let mut source = HidSource::open(&DeviceChoice::try_from(choice).map_err(anyhow::Error::msg)?)?;
     let (mut heard, mut due) = (Heard::default(), Vec::new());
-    for k in 1..=N_PLUGS {
-        mouse.wait_until_read()?;
+    let (mut n_lost, mut n_found) = (0, 0);
+    mouse.wait_until_read()?;
+    for k in 0..n_plugs {
+        let fault = if k == n_plugs / 2 { fault } else { DeviceFault::None };
+        let n_before = heard.reports.len();
         for n in 0..N_REPORTS {
-            let report = HidReport::Translation([k, n, 0]);
-            mouse.send(report.encode().as_bytes())?;
+            let report = HidReport::Translation([k + 1, n, 0]);
+            if fault != DeviceFault::Drop || n != N_REPORTS / 2 {
+                mouse.send(report.encode().as_bytes())?;
+            }
             due.push(report);
         }
-        wait_for("the reports of the cap", || {
-            heard.take(&mut source);
-            heard.reports.len() >= due.len()
-        })?;
-        mouse.unplug()?;
-        wait_for("the loss of the SpaceMouse", || {
-            heard.take(&mut source);
-            heard.n_lost >= k
-        })?;
-        mouse = SpaceMouse::plug(model)?;
-        wait_for("the return of the SpaceMouse", || {
-            heard.take(&mut source);
-            heard.n_found >= k
-        })?;
+        let n_after = n_before + N_REPORTS.unsigned_abs() as usize;
+        let _judged_below = heard.sees(&mut source, |heard| heard.reports.len() >= n_after);
+        let (n_lost_before, n_found_before) = (heard.n_lost, heard.n_found);
+        let stayed = if fault == DeviceFault::Stays {
+            Some(mouse)
+        } else {
+            mouse.unplug()?;
+            None
+        };
+        n_lost += i16::from(heard.sees(&mut source, |heard| heard.n_lost > n_lost_before));
+        mouse = match stayed {
+            Some(mouse) => mouse,
+            None => SpaceMouse::plug(model)?,
+        };
+        n_found += i16::from(heard.sees(&mut source, |heard| heard.n_found > n_found_before));
+        mouse.wait_until_read()?;
     }
     drop(source);
     mouse.unplug()?;
     let mut verdict = PartVerdict::default();
     let (n_heard, n_due) = (heard.reports.len(), due.len());
     verdict.check("in_order", heard.reports == due, format!("{n_heard}/{n_due}"));
-    verdict.check("lost", heard.n_lost == N_PLUGS, format!("{}/{N_PLUGS}", heard.n_lost));
-    verdict.check("found", heard.n_found == N_PLUGS, format!("{}/{N_PLUGS}", heard.n_found));
+    verdict.check("lost", n_lost == n_plugs && heard.n_lost == n_plugs, format!("{n_lost}/{n_plugs}"));
+    verdict.check("found", n_found == n_plugs && heard.n_found == n_plugs, format!("{n_found}/{n_plugs}"));
     Ok(verdict)
 }

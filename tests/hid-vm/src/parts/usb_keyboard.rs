@@ -1,4 +1,4 @@
-//! QEMU's USB keyboard by the built-in profile: keys in order, a repeating key, the way out, and the plug.
+//! QEMU's USB keyboard by the built-in profile: keys in order, a repeating key, and the way out.
 
 use crate::qmp::{Act, Qmp};
 use crate::spacemouse::DeviceFault;
@@ -6,15 +6,13 @@ use crate::usb_hand::{Scene, Stranger, UsbHand, due, plugged, profile_for, unplu
 use crate::verdict::PartVerdict;
 use anyhow::{Context, bail};
 use krait_ipc::clock;
-use krait_master::{HidReport, ProfileDevice};
+use krait_master::HidReport;
 use std::thread::sleep;
 use std::time::Duration;
 
 pub const KEYBOARD: (&str, &str) = ("usb-kbd", "USB Keyboard");
 /// Vendor and product of every USB device of QEMU's.
 pub const QEMU_ID: (u16, u16) = (0x0627, 1);
-/// How often a device is pulled out while a key or button is down.
-pub const N_PLUGS: u32 = 20;
 /// Longer than the kernel waits before a key repeats (0.25 s), and than some repetitions.
 const HELD: Duration = Duration::from_millis(800);
 /// While a key is held nothing may be taken for so long.
@@ -50,7 +48,7 @@ pub fn keyboard(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict
     let lit = is_lit()?;
     verdict.check("lit", lit, lit);
     let scene = scene();
-    let heard = hand.play(qmp, &scene, fault)?;
+    let heard = hand.play(&scene, fault, |acts| qmp.act(acts))?;
     verdict.check("in_order", heard == due(&scene), format!("{}/{}", heard.len(), due(&scene).len()));
     qmp.act(&key("spc", true))?;
     let begin_ns = clock::monotonic_ns();
@@ -121,36 +119,14 @@ pub fn scene() -> Scene {
     scene
 }
 
-/// Pulled out while a key is down the keyboard is lost, plugged in again it is found and taken alone, again and again.
-pub fn replug(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
-    let mut verdict = PartVerdict::default();
-    let mut device = plugged(qmp, KEYBOARD.0, KEYBOARD.1)?;
-    let mut profile = profile_for("keyboard", &device)?;
-    profile.device = ProfileDevice::Id(QEMU_ID.0, QEMU_ID.1);
-    let mut hand = UsbHand::take(profile)?;
-    let (mut n_moved, mut n_stolen) = (0, 0);
-    for _ in 0..N_PLUGS {
-        let mut stranger = Stranger::at(&device)?;
-        qmp.act(&key("right", true))?;
-        n_moved += u32::from(hand.next(2_000_000_000) == Some(HidReport::Motion([175, 0, 0, 0, 0, 0])));
-        n_stolen += stranger.heard();
-        device = hand.replug(qmp, KEYBOARD, Act::Key("right", false))?;
-    }
-    verdict.check("moved", n_moved == N_PLUGS, format!("{n_moved}/{N_PLUGS}"));
-    verdict.check("lost", hand.n_lost == N_PLUGS, format!("{}/{N_PLUGS}", hand.n_lost));
-    verdict.check("found", hand.n_found == N_PLUGS, format!("{}/{N_PLUGS}", hand.n_found));
-    verdict.check("exclusive", n_stolen == 0, n_stolen);
-    drop(hand);
-    unplugged(qmp, KEYBOARD.0, KEYBOARD.1)?;
-    Ok(verdict)
-}
-
-/// A mouse or keyboard of which one event is left out must fail, for that reason and no other.
+/// A mouse, keyboard or tablet of which one event is left out must fail, for that reason and no other.
 pub fn control(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     let mut verdict = PartVerdict::default();
     let mouse = super::usb_pointer::mouse(qmp, DeviceFault::Drop)?.failed();
     verdict.check("mouse_drop_fails", mouse == ["in_order"], mouse.join(","));
     let keys = keyboard(qmp, DeviceFault::Drop)?.failed();
     verdict.check("keyboard_drop_fails", keys == ["in_order"], keys.join(","));
+    let places = super::usb_pointer::tablet(qmp, DeviceFault::Drop)?.failed();
+    verdict.check("tablet_drop_fails", places == ["in_order"], places.join(","));
     Ok(verdict)
 }

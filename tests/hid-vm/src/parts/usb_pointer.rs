@@ -1,30 +1,29 @@
 //! QEMU's USB mouse and USB tablet, by the built-in profile and by one of the user's own.
 
-use super::usb_keyboard::{N_PLUGS, QEMU_ID};
 use crate::chain::{User, VmEnded};
 use crate::qmp::{Act, Qmp};
 use crate::spacemouse::DeviceFault;
-use crate::usb_hand::{PATIENCE_NS, Scene, Stranger, UsbHand, due, plugged, profile_for, unplugged};
+use crate::usb_hand::{Scene, Stranger, UsbHand, due, plugged, profile_for, unplugged};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
-use krait_master::{AXIS_LIMIT_COUNTS, HidReport, Profile, ProfileDevice};
+use krait_master::{AXIS_LIMIT_COUNTS, HidReport, InputDevice, Profile, ProfileDevice};
 use std::thread::sleep;
 use std::time::Duration;
 
 pub const MOUSE: (&str, &str) = ("usb-mouse", "USB Mouse");
-const TABLET: (&str, &str) = ("usb-tablet", "USB Tablet");
+pub const TABLET: (&str, &str) = ("usb-tablet", "USB Tablet");
 /// Full speed of the built-in profile, counts/s, and the window, s.
 const FULL_COUNTS_PER_S: f64 = 2000.0;
 const WINDOW_S: f64 = 0.016;
 /// Largest place that QEMU tells.
-const PLACE_MAX: i32 = 32767;
+pub const PLACE_MAX: i32 = 32767;
 const N_MOVES: i32 = 40;
 /// Moves of a count each in one go, and the pause between two: half of the full speed at most, so that no window is cut off.
 const N_FAST: i32 = 400;
 const FAST_PAUSE: Duration = Duration::from_millis(1);
 
 const LIMIT: f64 = AXIS_LIMIT_COUNTS as f64;
-const REST: HidReport = HidReport::Motion([0; 6]);
+pub const REST: HidReport = HidReport::Motion([0; 6]);
 
 /// The mouse: each move is one deflection that ends, each press one button, all in order; nobody else hears it; no count is lost.
 pub fn mouse(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
@@ -42,7 +41,7 @@ pub fn mouse(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     let mut hand = UsbHand::take(profile_for("mouse", &device)?)?;
 
     let scene = mouse_scene();
-    let heard = hand.play(qmp, &scene, fault)?;
+    let heard = hand.play(&scene, fault, |acts| qmp.act(acts))?;
     verdict.check("in_order", heard == due(&scene), format!("{}/{}", heard.len(), due(&scene).len()));
     // A way in one go is cut into windows, and QEMU may join two moves; every count is in one of them.
     for _ in 0..N_FAST {
@@ -69,37 +68,8 @@ pub fn mouse(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     Ok(verdict)
 }
 
-/// Pulled out while a button is down the mouse is lost, plugged in again it is found and taken alone, again and again.
-pub fn replug(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
-    let mut verdict = PartVerdict::default();
-    let mut device = plugged(qmp, MOUSE.0, MOUSE.1)?;
-    let mut profile = profile_for("mouse", &device)?;
-    profile.device = ProfileDevice::Id(QEMU_ID.0, QEMU_ID.1);
-    let mut hand = UsbHand::take(profile)?;
-    let (mut n_heard, mut n_stolen) = (0, 0);
-    for k in 0..N_PLUGS {
-        let mut stranger = Stranger::at(&device)?;
-        let moved = 5 + k as i32;
-        qmp.act(&[Act::Move("x", moved)])?;
-        let due = [HidReport::Motion([counts(moved), 0, 0, 0, 0, 0]), REST, HidReport::Buttons(1)];
-        let mut heard: Vec<HidReport> = due[..2].iter().filter_map(|_| hand.next(PATIENCE_NS)).collect();
-        qmp.act(&[Act::Button("left", true)])?;
-        heard.extend(hand.next(PATIENCE_NS));
-        n_heard += u32::from(heard == due);
-        n_stolen += stranger.heard();
-        device = hand.replug(qmp, MOUSE, Act::Button("left", false))?;
-    }
-    verdict.check("in_order", n_heard == N_PLUGS, format!("{n_heard}/{N_PLUGS}"));
-    verdict.check("lost", hand.n_lost == N_PLUGS, format!("{}/{N_PLUGS}", hand.n_lost));
-    verdict.check("found", hand.n_found == N_PLUGS, format!("{}/{N_PLUGS}", hand.n_found));
-    verdict.check("exclusive", n_stolen == 0, n_stolen);
-    drop(hand);
-    unplugged(qmp, MOUSE.0, MOUSE.1)?;
-    Ok(verdict)
-}
-
 /// What the built-in profile makes of a move in one window.
-fn counts(moved: i32) -> i16 {
+pub fn counts(moved: i32) -> i16 {
     (f64::from(moved) / (FULL_COUNTS_PER_S * WINDOW_S) * LIMIT).round().clamp(-LIMIT, LIMIT) as i16
 }
 
@@ -124,31 +94,40 @@ pub fn mouse_scene() -> Scene {
     scene
 }
 
-/// The tablet: places on a range whose middle is rest, and no motion of its own back to it.
-pub fn tablet(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
-    let mut verdict = PartVerdict::default();
-    let device = plugged(qmp, TABLET.0, TABLET.1)?;
-    let mut profile = Profile::parse(
-        "own",
-        "name = \"Tablet\"\npath = \"/\"\n[[axis]]\nof = \"x\"\nfrom = \"ABS_X\"\n[[axis]]\nof = \"z\"\nfrom = \"ABS_Y\"\n[[button]]\nof = 0\nfrom = \"BTN_LEFT\"\n",
-    )?;
-    profile.device = krait_master::ProfileDevice::Path(device.node.clone());
-    let mut stranger = Stranger::at(&device)?;
-    let mut hand = UsbHand::take(profile)?;
-    // Where it was before anybody moved it is not known; from there it goes to the middle.
-    qmp.act(&[Act::Place("x", PLACE_MAX / 2), Act::Place("y", PLACE_MAX / 2)])?;
-    while hand.next(100_000_000).is_some() {}
+/// A profile of one's own for the tablet.
+pub const TABLET_PROFILE: &str = "name = \"Tablet\"\nid = \"0627:0001\"\n[[axis]]\nof = \"x\"\nfrom = \"ABS_X\"\n[[axis]]\nof = \"z\"\nfrom = \"ABS_Y\"\n[[button]]\nof = 0\nfrom = \"BTN_LEFT\"\n";
+
+/// The same of one node.
+pub fn tablet_profile(device: &InputDevice) -> anyhow::Result<Profile> {
+    let mut profile = Profile::parse("own", TABLET_PROFILE)?;
+    profile.device = ProfileDevice::Path(device.node.clone());
+    Ok(profile)
+}
+
+/// What it makes of a place.
+pub fn there(x: i32, y: i32) -> HidReport {
     let rest = f64::from(PLACE_MAX) / 2.0;
     let counts = |place: i32| ((f64::from(place) - rest) / rest * LIMIT).round() as i16;
+    HidReport::Motion([counts(x), 0, counts(y), 0, 0, 0])
+}
+
+/// The tablet: places on a range whose middle is rest, and no motion of its own back to it.
+pub fn tablet(qmp: &mut Qmp, fault: DeviceFault) -> anyhow::Result<PartVerdict> {
+    let mut verdict = PartVerdict::default();
+    let device = plugged(qmp, TABLET.0, TABLET.1)?;
+    let mut stranger = Stranger::at(&device)?;
+    let mut hand = UsbHand::take(tablet_profile(&device)?)?;
+    // Where it was before anybody moved it is not known; from there it goes to the middle.
+    qmp.act(&[Act::Place("x", PLACE_MAX / 2), Act::Place("y", PLACE_MAX / 2)])?;
+    hand.settle();
     let mut scene: Scene = Vec::new();
     for k in 0..=20 {
         let [x, y] = [k * PLACE_MAX / 20, PLACE_MAX - k * PLACE_MAX / 20];
-        let there = HidReport::Motion([counts(x), 0, counts(y), 0, 0, 0]);
-        scene.push((vec![Act::Place("x", x), Act::Place("y", y)], vec![there]));
+        scene.push((vec![Act::Place("x", x), Act::Place("y", y)], vec![there(x, y)]));
     }
     scene.push((vec![Act::Button("left", true)], vec![HidReport::Buttons(1)]));
     scene.push((vec![Act::Button("left", false)], vec![HidReport::Buttons(0)]));
-    let heard = hand.play(qmp, &scene, DeviceFault::None)?;
+    let heard = hand.play(&scene, fault, |acts| qmp.act(acts))?;
     verdict.check("in_order", heard == due(&scene), format!("{}/{}", heard.len(), due(&scene).len()));
     verdict.check("stays", hand.next_motion() == Some([350, 0, -350, 0, 0, 0]), "deflected");
     let n_stolen = stranger.heard();

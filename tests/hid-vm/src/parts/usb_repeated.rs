@@ -1,18 +1,18 @@
-//! A chain in the hand of QEMU's mouse, and one in that of its keyboard: what it made of their reports is what the file of them makes.
+//! A chain in the hand of QEMU's mouse, one in that of its keyboard and one in that of its tablet: what it made of their reports is what the file of them makes.
 
-use crate::chain::{User, VmChain};
+use super::usb_keyboard::KEYBOARD;
+use super::usb_pointer::{MOUSE, PLACE_MAX, TABLET, TABLET_PROFILE};
 use crate::qmp::{Act, Qmp};
 use crate::repeated;
 use crate::usb_hand::{plugged, unplugged};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
-use krait_ipc::clock;
-use std::path::Path;
 use std::thread::sleep;
 use std::time::Duration;
 
+/// A busy host makes QEMU slow to answer.
+const CHAIN_S: f64 = 7.0;
 const PAUSE: Duration = Duration::from_millis(40);
-const MOVED_DEG: f64 = 2.0;
 
 /// The mouse.
 pub fn mouse(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
@@ -20,7 +20,7 @@ pub fn mouse(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     scene.extend((0..40).map(|k| vec![Act::Move("x", 10 + k % 7), Act::Move("y", k - 20)]));
     scene.extend([vec![Act::Button("right", true)], vec![Act::Move("x", 20)], vec![Act::Button("right", false)]]);
     scene.extend((0..10).map(|_| vec![Act::Move("x", -30)]));
-    judge(qmp, ("usb-mouse", "USB Mouse"), "mouse", &scene)
+    judge(qmp, MOUSE, ("mouse", "mouse"), &scene)
 }
 
 /// The keyboard.
@@ -32,35 +32,39 @@ pub fn keyboard(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
             scene.extend(vec![Vec::new(); 6]);
         }
     }
-    judge(qmp, ("usb-kbd", "USB Keyboard"), "keyboard", &scene)
+    judge(qmp, KEYBOARD, ("keyboard", "keyboard"), &scene)
+}
+
+/// The tablet, from its middle to all sides.
+pub fn tablet(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
+    let profile = "/tmp/tablet.toml";
+    std::fs::write(profile, TABLET_PROFILE).context(profile)?;
+    let place = |x: i32, y: i32| vec![Act::Place("x", x), Act::Place("y", y)];
+    let middle = PLACE_MAX / 2;
+    let mut scene = vec![place(middle, middle), vec![Act::Button("left", true)], vec![Act::Button("left", false)]];
+    scene.extend((0..40).map(|k| place(middle + 300 * k, middle - 200 * k)));
+    scene.extend((0..20).map(|k| place(PLACE_MAX - 1500 * k, 1500 * k)));
+    scene.push(place(middle, middle));
+    judge(qmp, TABLET, ("tablet", profile), &scene)
 }
 
 fn judge(
     qmp: &mut Qmp,
-    (driver, name): (&str, &str),
-    profile: &str,
+    (driver, device): (&str, &str),
+    (name, profile): (&str, &str),
     scene: &[Vec<Act>],
 ) -> anyhow::Result<PartVerdict> {
     let mut verdict = PartVerdict::default();
-    let device = plugged(qmp, driver, name)?;
-    let [config, reports] = [format!("/tmp/{profile}-repeated.toml"), format!("/tmp/{profile}-repeated.krr")];
-    std::fs::write(&config, format!("[master]\nrecord_reports = \"{reports}\"\n")).context("a configuration")?;
-    let node = device.node.display().to_string();
-    let more = ["--profile", profile, "--node", &node, "--config", &config];
-    let chain = VmChain::start_with(&format!("repeated-{profile}"), User::Root, 7.0, &more)?;
-    let begun_ns = clock::monotonic_ns();
-    for acts in scene {
-        if !acts.is_empty() {
-            qmp.act(acts)?;
+    let node = plugged(qmp, driver, device)?.node.display().to_string();
+    repeated::chain(&mut verdict, name, (&["--profile", profile, "--node", &node], CHAIN_S), || {
+        for acts in scene {
+            if !acts.is_empty() {
+                qmp.act(acts)?;
+            }
+            sleep(PAUSE);
         }
-        sleep(PAUSE);
-    }
-    let played_ns = clock::monotonic_ns();
-    let (ended, journal, recording) = chain.end_with_recording()?;
-    let moved_deg = journal.moved_deg(begun_ns, played_ns);
-    verdict.check("moved_deg", moved_deg > MOVED_DEG, format!("{moved_deg:.1}"));
-    verdict.check("exit_code", ended.code == Some(0), format!("{:?}", ended.code));
-    repeated::judge(&mut verdict, &journal, Path::new(&reports), &recording)?;
-    unplugged(qmp, driver, name)?;
+        Ok(())
+    })?;
+    unplugged(qmp, driver, device)?;
     Ok(verdict)
 }
