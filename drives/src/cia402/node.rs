@@ -76,6 +76,8 @@ pub(crate) struct Node {
     is_double: bool,
     pub n_boots: u32,
     emergency: u16,
+    /// Whether it has said since that this is over.
+    is_emergency_over: bool,
     /// What of its emergencies was said.
     pub emergencies: Emergencies,
     /// It has said under power that its power stage has voltage; not every drive says so.
@@ -107,6 +109,7 @@ impl Node {
             is_double: false,
             n_boots: 0,
             emergency: 0,
+            is_emergency_over: false,
             emergencies: Emergencies::default(),
             has_had_voltage: false,
             is_stranger: false,
@@ -203,8 +206,8 @@ impl Node {
             }
             Said::Heartbeat(state) => self.beat = Some((now_ns, state)),
             Said::Emergency(code) => {
-                // That an error is over counts for a warning only: the code of a failure names it until power is switched anew.
-                if code != 0 || (is_enabled(self.status) && !self.is_out) {
+                self.is_emergency_over = code == 0;
+                if code != 0 {
                     self.emergency = code;
                 }
                 self.emergencies.hear(code);
@@ -278,6 +281,10 @@ impl Node {
     pub(crate) fn end_cycle(&mut self, order: Order, lost_cycles: u32) {
         let is_silent = self.n_answers == 0 && self.is_configured();
         self.n_missing = if is_silent { self.n_missing.saturating_add(1) } else { 0 };
+        // Only a warning is over: the code of a failure names it until power is switched anew.
+        if self.is_emergency_over && self.n_answers > 0 && is_enabled(self.status) && !self.is_out {
+            (self.emergency, self.is_emergency_over) = (0, false);
+        }
         if order != Order::Follow {
             return;
         }
