@@ -148,8 +148,8 @@ impl Bus {
         take_room(&self.instance.folder()).map_err(|e| self.address(channel).failed("taking room", e.to_string()))
     }
 
-    fn address(&self, channel: &str) -> Address {
-        Address {
+    fn address(&self, channel: &str) -> ChannelAddress {
+        ChannelAddress {
             instance: self.instance.as_str().to_owned(),
             channel: channel.to_owned(),
             _membership: Arc::clone(&self.membership),
@@ -157,7 +157,7 @@ impl Bus {
     }
 
     /// Opens the channel's data service, or makes it; a version that differs is an error that names both.
-    pub(crate) fn data_service<M: Message>(&self, address: &Address) -> Result<DataService<M>, IpcError> {
+    pub(crate) fn data_service<M: Message>(&self, address: &ChannelAddress) -> Result<DataService<M>, IpcError> {
         let name = address.service_name()?;
         let verifier = version_requirement(M::VERSION).map_err(|e| address.failed("describing its payload", e))?;
         let service = self
@@ -211,13 +211,13 @@ impl Bus {
 
 /// Where a channel is, for error sentences; keeps its port's process a member of the instance.
 #[derive(Clone, Debug)]
-pub struct Address {
+pub struct ChannelAddress {
     pub(crate) instance: String,
     pub(crate) channel: String,
     _membership: Arc<Membership>,
 }
 
-impl Address {
+impl ChannelAddress {
     pub(crate) fn failed(&self, doing: &'static str, source_text: String) -> IpcError {
         IpcError::Channel { instance: self.instance.clone(), channel: self.channel.clone(), doing, source_text }
     }

@@ -4,7 +4,7 @@
 //! table of calls, so that no crate that opens a channel compiles it again.
 
 use crate::IpcError;
-use crate::bus::{Address, Bus, HISTORY, MAX_BORROWED, MAX_READERS, Shm};
+use crate::bus::{Bus, ChannelAddress, HISTORY, MAX_BORROWED, MAX_READERS, Shm};
 use crate::message::Message;
 use crate::reader::Received;
 use core::fmt::Debug;
@@ -34,7 +34,7 @@ pub struct Failure {
 }
 
 /// Becomes the one writer of a channel.
-pub(crate) fn publisher<M: Message>(bus: &Bus, address: &Address) -> Result<Box<dyn Publish<M>>, IpcError> {
+pub(crate) fn publisher<M: Message>(bus: &Bus, address: &ChannelAddress) -> Result<Box<dyn Publish<M>>, IpcError> {
     let data = bus.data_service::<M>(address)?;
     let builder = data.publisher_builder().max_loaned_samples(1).override_sample_preallocation(|_| n_samples::<M>());
     let publisher = builder.create().map_err(|error| match error {
@@ -49,7 +49,7 @@ pub(crate) fn publisher<M: Message>(bus: &Bus, address: &Address) -> Result<Box<
 /// Becomes a reader of a channel that keeps up to `buffer` messages.
 pub(crate) fn subscriber<M: Message>(
     bus: &Bus,
-    address: &Address,
+    address: &ChannelAddress,
     buffer: usize,
 ) -> Result<Box<dyn Subscribe<M>>, IpcError> {
     let data = bus.data_service::<M>(address)?;

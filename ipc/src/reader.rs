@@ -1,7 +1,7 @@
 //! A reader of a channel: takes every message in order, counts what is missing, sleeps or polls.
 
 use crate::ahead::Ahead;
-use crate::bus::{Address, Shm};
+use crate::bus::{ChannelAddress, Shm};
 use crate::doorbell::Doorbell;
 use crate::message::Message;
 use crate::port::Subscribe;
@@ -105,7 +105,7 @@ pub struct Reader<M: Message> {
     n_received: u64,
     n_lost: u64,
     n_out_of_order: u64,
-    address: Address,
+    address: ChannelAddress,
 }
 
 /// A message in shared memory, read where the writer put it.
@@ -121,7 +121,7 @@ impl<M: Message> Deref for Received<M> {
 
 impl<M: Message> Reader<M> {
     pub(crate) fn new(
-        address: Address,
+        address: ChannelAddress,
         subscriber: Box<dyn Subscribe<M>>,
         doorbell: Option<Doorbell>,
         options: ReadOptions,

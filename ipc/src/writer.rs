@@ -1,7 +1,7 @@
 //! A writer of a channel; nearly every channel has but one.
 
 use crate::IpcError;
-use crate::bus::Address;
+use crate::bus::ChannelAddress;
 use crate::doorbell::Doorbell;
 use crate::message::Message;
 use crate::port::Publish;
@@ -12,11 +12,11 @@ pub struct Writer<M: Message> {
     publisher: Box<dyn Publish<M>>,
     doorbell: Doorbell,
     n_sent: u64,
-    address: Address,
+    address: ChannelAddress,
 }
 
 impl<M: Message> Writer<M> {
-    pub(crate) fn new(address: Address, publisher: Box<dyn Publish<M>>, doorbell: Doorbell) -> Self {
+    pub(crate) fn new(address: ChannelAddress, publisher: Box<dyn Publish<M>>, doorbell: Doorbell) -> Self {
         Self { publisher, doorbell, n_sent: 0, address }
     }
 

@@ -49,7 +49,7 @@ pub use stamps::{HopStamps, LatencyLimits, N_HOPS};
 pub use state_command::{StateCommand, Transition};
 pub use state_request::{RequestOutcome, StateAnswer, StateRequest};
 
-use crate::bus::Address;
+use crate::bus::ChannelAddress;
 use crate::port::{self, Publish, Subscribe};
 use crate::{Bus, IpcError};
 use iceoryx2::prelude::ZeroCopySend;
@@ -70,11 +70,11 @@ pub trait Message: ZeroCopySend + Copy + core::fmt::Debug + Send + Sync + 'stati
     /// The instant that the content is about, CLOCK_MONOTONIC, nanoseconds.
     fn sample_ns(&self) -> i64;
     #[doc(hidden)]
-    fn publisher(bus: &Bus, address: &Address) -> Result<Box<dyn Publish<Self>>, IpcError> {
+    fn publisher(bus: &Bus, address: &ChannelAddress) -> Result<Box<dyn Publish<Self>>, IpcError> {
         port::publisher(bus, address)
     }
     #[doc(hidden)]
-    fn subscriber(bus: &Bus, address: &Address, buffer: usize) -> Result<Box<dyn Subscribe<Self>>, IpcError> {
+    fn subscriber(bus: &Bus, address: &ChannelAddress, buffer: usize) -> Result<Box<dyn Subscribe<Self>>, IpcError> {
         port::subscriber(bus, address, buffer)
     }
 }
@@ -109,13 +109,13 @@ macro_rules! message {
             // The same as without these two, but compiled in this crate and nowhere else.
             fn publisher(
                 bus: &$crate::Bus,
-                address: &$crate::bus::Address,
+                address: &$crate::bus::ChannelAddress,
             ) -> Result<Box<dyn $crate::port::Publish<Self>>, $crate::IpcError> {
                 $crate::port::publisher(bus, address)
             }
             fn subscriber(
                 bus: &$crate::Bus,
-                address: &$crate::bus::Address,
+                address: &$crate::bus::ChannelAddress,
                 buffer: usize,
             ) -> Result<Box<dyn $crate::port::Subscribe<Self>>, $crate::IpcError> {
                 $crate::port::subscriber(bus, address, buffer)

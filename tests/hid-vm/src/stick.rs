@@ -12,7 +12,7 @@ pub const VENDOR_ID: u16 = 0x046d;
 pub const PRODUCT_ID: u16 = 0xc215;
 /// The kernel keeps this device for a driver (hid-logitech) that takes real USB devices only; a word here lets the general one take it.
 const ANY_DRIVER: &str = "/sys/module/hid/parameters/ignore_special_drivers";
-/// Written from the HID usage tables: the bits in the order of [`Pose::report`].
+/// Written from the HID usage tables: the bits in the order of [`StickPose::report`].
 const DESCRIPTOR: [u8; 95] = [
     0x05, 0x01, 0x09, 0x04, 0xa1, 0x01, // Generic desktop, joystick, application
     0x09, 0x30, 0x09, 0x31, 0x15, 0x00, 0x26, 0xff, 0x03, 0x75, 0x0a, 0x95, 0x02, 0x81, 0x02, // X, Y: 0 to 1023
@@ -28,7 +28,7 @@ const DESCRIPTOR: [u8; 95] = [
 
 /// Where the stick, its twist and its buttons are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pose {
+pub struct StickPose {
     /// 0 to 1023.
     pub x: u16,
     pub y: u16,
@@ -38,7 +38,7 @@ pub struct Pose {
     pub buttons: u16,
 }
 
-impl Pose {
+impl StickPose {
     /// Nobody touches it.
     pub const REST: Self = Self { x: 512, y: 512, twist: 128, buttons: 0 };
 
@@ -92,7 +92,7 @@ impl Stick {
         let has_node = wait_for("the node of the joystick", || node().is_some_and(|input| input.may_open));
         std::fs::write(ANY_DRIVER, "0").context(ANY_DRIVER)?;
         has_node?;
-        stick.hold(Pose::REST)?;
+        stick.hold(StickPose::REST)?;
         Ok(stick)
     }
 
@@ -100,7 +100,7 @@ impl Stick {
     ///
     /// # Errors
     /// The device is gone.
-    pub fn hold(&mut self, pose: Pose) -> anyhow::Result<()> {
+    pub fn hold(&mut self, pose: StickPose) -> anyhow::Result<()> {
         self.uhid.input(&pose.report())
     }
 }

@@ -5,7 +5,7 @@ use super::stick::PROFILE;
 use crate::chain::{User, VmChain, VmEnded};
 use crate::model::Model;
 use crate::spacemouse::{DeviceFault, SpaceMouse};
-use crate::stick::{NAME, PRODUCT_ID, Pose, Stick, VENDOR_ID, node};
+use crate::stick::{NAME, PRODUCT_ID, Stick, StickPose, VENDOR_ID, node};
 use crate::talking::Talking;
 use crate::verdict::PartVerdict;
 use anyhow::Context;
@@ -18,13 +18,13 @@ use std::time::Duration;
 
 const PAUSE: Duration = Duration::from_millis(30);
 /// What `--live` must say of a pose: counts as they were sent, the deflection that the shipped profile makes of them, and the buttons.
-const SHOWN: [(Pose, [&str; 4]); 3] = [
+const SHOWN: [(StickPose, [&str; 4]); 3] = [
     (
-        Pose { x: 1023, y: 0, twist: 255, buttons: 0b1 },
+        StickPose { x: 1023, y: 0, twist: 255, buttons: 0b1 },
         ["ABS_X  1023 = x +100 %", "ABS_Y     0 = z -100 %", "ABS_RZ   255 = rz +100 %", "buttons BTN_TRIGGER"],
     ),
     (
-        Pose { x: 736, y: 288, twist: 64, buttons: 0b110 },
+        StickPose { x: 736, y: 288, twist: 64, buttons: 0b110 },
         [
             "ABS_X   736 = x  +36 %",
             "ABS_Y   288 = z  -36 %",
@@ -32,13 +32,17 @@ const SHOWN: [(Pose, [&str; 4]); 3] = [
             "buttons BTN_THUMB BTN_THUMB2",
         ],
     ),
-    (Pose::REST, ["ABS_X   512 = x   +0 %", "ABS_Y   512 = z   +0 %", "ABS_RZ   128 = rz   +0 %", "no button"]),
+    (StickPose::REST, ["ABS_X   512 = x   +0 %", "ABS_Y   512 = z   +0 %", "ABS_RZ   128 = rz   +0 %", "no button"]),
 ];
 /// The noise of the hand at rest, far enough apart that the kernel does not smooth it, and the ends that it is moved to.
-const NOISE: [Pose; 2] =
-    [Pose { x: 504, y: 500, twist: 124, ..Pose::REST }, Pose { x: 520, y: 524, twist: 132, ..Pose::REST }];
-const ENDS: [Pose; 2] =
-    [Pose { x: 20, y: 10, twist: 3, ..Pose::REST }, Pose { x: 1001, y: 1010, twist: 250, ..Pose::REST }];
+const NOISE: [StickPose; 2] = [
+    StickPose { x: 504, y: 500, twist: 124, ..StickPose::REST },
+    StickPose { x: 520, y: 524, twist: 132, ..StickPose::REST },
+];
+const ENDS: [StickPose; 2] = [
+    StickPose { x: 20, y: 10, twist: 3, ..StickPose::REST },
+    StickPose { x: 1001, y: 1010, twist: 250, ..StickPose::REST },
+];
 /// Range, rest and noise that follow: rest is the middle of the noise, noise 1.5 times half of it, rounded up, and a count.
 const MEASURED: [([i32; 2], i32, i32); 3] = [([20, 1001], 512, 13), ([10, 1010], 512, 19), ([3, 250], 128, 7)];
 const CALIBRATED: &str = "/tmp/calibrated.toml";
@@ -123,7 +127,7 @@ fn calibrated(verdict: &mut PartVerdict, stick: &mut Stick, node: &str, fault: D
     }
     let mut calibrating = Talking::start(&arguments)?;
     rests(stick, || calibrating.said().contains("Move every axis"))?;
-    let short = if fault == DeviceFault::Drop { Pose { x: 900, ..ENDS[1] } } else { ENDS[1] };
+    let short = if fault == DeviceFault::Drop { StickPose { x: 900, ..ENDS[1] } } else { ENDS[1] };
     for pose in [ENDS[0], short] {
         stick.hold(pose)?;
         sleep(PAUSE);
@@ -145,7 +149,7 @@ fn calibrated(verdict: &mut PartVerdict, stick: &mut Stick, node: &str, fault: D
 fn driven(verdict: &mut PartVerdict, stick: &mut Stick) -> anyhow::Result<()> {
     let chain = VmChain::start_with("calibrated", User::Root, 2.5, &["--profile", CALIBRATED])?;
     for buttons in [1, 0] {
-        stick.hold(Pose { buttons, ..NOISE[0] })?;
+        stick.hold(StickPose { buttons, ..NOISE[0] })?;
         sleep(PAUSE);
     }
     let noisy_ns = clock::monotonic_ns();
@@ -155,7 +159,7 @@ fn driven(verdict: &mut PartVerdict, stick: &mut Stick) -> anyhow::Result<()> {
     stick.hold(ENDS[1])?;
     sleep(Duration::from_millis(500));
     let held_ns = clock::monotonic_ns();
-    stick.hold(Pose::REST)?;
+    stick.hold(StickPose::REST)?;
     let (ended, journal) = chain.end()?;
     let (noisy_deg, pushed_deg) = (journal.moved_deg(noisy_ns, pushed_ns), journal.moved_deg(pushed_ns, held_ns));
     verdict.check("noise_moved_deg", noisy_deg == 0.0, noisy_deg);

@@ -3,7 +3,7 @@
 use crate::chain::{User, VmEnded};
 use crate::repeated;
 use crate::spacemouse::DeviceFault;
-use crate::stick::{PRODUCT_ID, Pose, Stick};
+use crate::stick::{PRODUCT_ID, Stick, StickPose};
 use crate::usb_hand::{Scene, UsbHand, due};
 use crate::verdict::PartVerdict;
 use anyhow::Context;
@@ -44,12 +44,12 @@ pub fn stick(fault: DeviceFault) -> anyhow::Result<PartVerdict> {
     verdict.check("in_order", heard == due(&scene), format!("{n_heard}/{n_due}of{N_POSES}"));
     drop(hand);
     if fault == DeviceFault::None {
-        stick.hold(Pose::REST)?;
+        stick.hold(StickPose::REST)?;
         repeated::chain(&mut verdict, "stick", (&["--profile", PROFILE], CHAIN_S), || {
             sleep(PAUSE);
             // Presence, and then motion.
-            let pressed = Pose { buttons: 1, ..Pose::REST };
-            for pose in [pressed, Pose::REST].into_iter().chain(scene.iter().map(|(pose, _)| *pose)) {
+            let pressed = StickPose { buttons: 1, ..StickPose::REST };
+            for pose in [pressed, StickPose::REST].into_iter().chain(scene.iter().map(|(pose, _)| *pose)) {
                 stick.hold(pose)?;
                 sleep(PAUSE);
             }
@@ -68,12 +68,12 @@ pub fn control() -> anyhow::Result<PartVerdict> {
 }
 
 /// Far from pose to pose, since the kernel smooths small steps of such an axis; each of the twelve buttons in turn.
-fn scene() -> Scene<Pose> {
-    let (mut motion, mut buttons) = (Pose::REST.motion(), 0);
+fn scene() -> Scene<StickPose> {
+    let (mut motion, mut buttons) = (StickPose::REST.motion(), 0);
     (1..=N_POSES)
         .map(|k| {
             let pressed = if k % 4 < 2 { 1 << (k / 4 % 12) } else { 0 };
-            let pose = Pose {
+            let pose = StickPose {
                 x: (k * 389 % 1024) as u16,
                 y: ((k * 277 + 100) % 1024) as u16,
                 twist: (k * 71 % 256) as u8,
