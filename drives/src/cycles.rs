@@ -239,8 +239,8 @@ impl<B: ActuatorBus> Cycles<B> {
         if longest_m <= most_m * ROUNDING {
             self.goal_m = self.wish.q_m;
         } else {
-            for k in 0..n {
-                self.goal_m[k] += way_m[k] * (most_m / longest_m);
+            for (goal_m, way_m) in self.goal_m.iter_mut().zip(way_m) {
+                *goal_m += way_m * (most_m / longest_m);
             }
         }
         let took_s = if self.n_unmoved == 1 { 2.0 * period_s } else { period_s };
