@@ -5,8 +5,9 @@
 //!
 //! Intuition: each cycle sends the newest wish as it is; nothing is invented between two wishes, because it would pass the
 //! slave's limiter. The bus and the slave keep times of their own, so that a cycle may find the way of two ticks, or of a whole
-//! pause: what is more than the slave's rate allows in a period waits for the next cycles. Whatever fails, all brake to rest by one common factor from where they are, and stay there under power.
-//! Only power that is switched anew ends that. Where one says that it has let go, the others may give way ([`crate::relax`]).
+//! pause: what is more than the slave's rate allows in a period waits for the next cycles. Whatever fails, all brake to rest by
+//! one common factor from where they are, and stay there under power. Only power that is switched anew ends that. Where one says
+//! that it has let go, the others may give way ([`crate::relax`]).
 //!
 //! Failure: without a sign of life of the slave for `wish_ms` the same happens. Time is an argument.
 

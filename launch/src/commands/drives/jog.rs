@@ -82,8 +82,8 @@ fn serve(
                 if let Some(why) = step.refused {
                     print::out(&format!("the step was not made as asked: {why}\n"))?;
                 }
-                let told = step.state.setpoint_q_m[actuator - 1] * 1e3;
-                let read = step.state.measured_q_m[actuator - 1] * 1e3;
+                let [told, read] =
+                    [step.state.setpoint_q_m, step.state.measured_q_m].map(|q_m| shown_mm(q_m[actuator - 1]));
                 print::out(&format!("told {told:.3} mm, reads {read:.3} mm from zero (push positive)\n"))?;
             }
             Err(RecvTimeoutError::Timeout) => drop(motion.keep()?),
@@ -91,4 +91,9 @@ fn serve(
         }
     }
     Ok(())
+}
+
+/// To a thousandth of a millimetre, and never "-0.000".
+fn shown_mm(q_m: f64) -> f64 {
+    (q_m * 1e6).round() * 1e-3 + 0.0
 }
