@@ -46,12 +46,6 @@ pub enum LabError {
         /// Why, a verb first.
         reason: String,
     },
-    /// No part of such data can be locked.
-    #[error("a locked error is of one recording, and these are {n}; leave --locked out")]
-    NotLocked {
-        /// How many recordings there are.
-        n: usize,
-    },
     /// Positions of a tip that make no bends.
     #[error("{data}: the tip's positions: {why}")]
     Tip {

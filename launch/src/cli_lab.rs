@@ -156,8 +156,8 @@ pub struct DiagnoseArgs {
     /// At most so many effects are sought together.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=5))]
     pub max_effects: u8,
-    /// Diagnose once more without the last trial, or the last fifth of the only one, and say the error there: no choice has seen it. It
-    /// takes as long again.
+    /// Diagnose once more without the last recording, the last trial, or the last fifth of the only one, and say the error there: no
+    /// choice has seen it. It takes as long again.
     #[arg(long)]
     pub locked: bool,
     /// Seed of all random numbers.

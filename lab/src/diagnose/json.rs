@@ -83,7 +83,7 @@ impl LockedError {
     fn to_json(&self, unit: &str) -> Value {
         let deg = |value: f64| (unit == "deg").then_some(value);
         json!({
-            "part": self.part(),
+            "part": self.part.word(),
             "rows": self.n_rows,
             "rms": self.rms,
             "rms_deg": deg(self.rms),

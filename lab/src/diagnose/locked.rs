@@ -1,25 +1,39 @@
-//! The error on a part of the measurements that no choice has seen: the last of several trials, or the last fifth of a long one.
+//! The error on a part of the measurements that no choice has seen: the last of several recordings, the last of several trials, or the
+//! last fifth of a long one.
 //!
 //! The error that a diagnosis gives is on blocks that its last fit did not see, but effects were chosen with all of them. Here the whole
 //! diagnosis is done once more without the locked part, and the model that it ends with predicts that part.
 
 use super::answer::{Diagnosis, Verdict};
 use super::whole::{DiagnoseOptions, open_diagnosis};
-use crate::joint::{has_starts, with_starts};
+use crate::joint::{calibrated, has_starts, with_starts};
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise::autocorrelation_time;
 use crate::prepare::prepare;
+use crate::problem::Problem;
 use crate::stage::stage;
-use crate::{LabError, Measurements};
+use crate::{LabError, Measurements, Term};
 
 /// Of one trial so many correlation times are needed, of which the last part is locked.
 const LEAST_TIMES: f64 = 30.0;
 /// One part of so many is locked of a single trial.
 const PARTS: usize = 5;
-/// Where hysteresis begins in a locked trial no model can know: it is sought in one part of so many, which then does not count.
+/// Where hysteresis begins in a locked trial no model can know, nor gain and offset of the joints in a locked recording: they are sought
+/// in one part of so many, which then does not count.
 const START_PARTS: usize = 3;
 /// Fewer measured rows say nothing.
 const FEWEST_ROWS: usize = 30;
+
+/// What is locked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LockedPart {
+    /// The last of several recordings.
+    Recording,
+    /// The last of several trials.
+    Trial,
+    /// The end of the only trial.
+    Fifth,
+}
 
 /// What no choice has seen, and how well it is predicted.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,29 +44,22 @@ pub struct LockedError {
     pub base_rms: f64,
     /// Measured rows that were predicted.
     pub n_rows: usize,
-    /// Whether they are a trial of their own; otherwise they are the end of the only one.
-    pub is_trial: bool,
+    /// What they are.
+    pub part: LockedPart,
     /// What the open part says.
     pub verdict: Verdict,
     /// The effects beside the model's own that predict here: those that it names, or its hypotheses where it names none.
     pub effects: Vec<String>,
 }
 
-impl LockedError {
-    /// What was locked.
-    pub fn part(&self) -> &'static str {
-        if self.is_trial { "last trial" } else { "last fifth" }
-    }
-}
-
-/// Refuses data of which no part can be locked, before anything is fitted.
-///
-/// # Errors
-/// [`LabError::NotLocked`] of several recordings.
-pub(super) fn check(options: &DiagnoseOptions) -> Result<(), LabError> {
-    match options.recordings.len() {
-        0 | 1 => Ok(()),
-        n => Err(LabError::NotLocked { n }),
+impl LockedPart {
+    /// In words.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Recording => "last recording",
+            Self::Trial => "last trial",
+            Self::Fifth => "last fifth",
+        }
     }
 }
 
@@ -66,10 +73,52 @@ pub(super) fn error(
     options: &DiagnoseOptions,
     known: &Diagnosis,
 ) -> Result<Option<LockedError>, LabError> {
+    match &options.recordings[..] {
+        [open @ .., (_, first_trial)] if !open.is_empty() => {
+            let first = data.trial.iter().position(|trial| *trial as usize >= *first_trial);
+            let recordings = if open.len() > 1 { open.to_vec() } else { Vec::new() };
+            let options = DiagnoseOptions { recordings, ..options.clone() };
+            first.map_or(Ok(None), |first| of_recording(machine, data, &options, first))
+        }
+        _ => of_end(machine, data, options, known),
+    }
+}
+
+/// The last recording, from its first row on, by what those before it say: they have the options.
+fn of_recording(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    options: &DiagnoseOptions,
+    first: usize,
+) -> Result<Option<LockedError>, LabError> {
+    stage("All once more without the last recording");
+    let open = open_diagnosis(machine, &rows(data, 0..first), options)?;
+    let there = rows(data, first..data.n_rows());
+    let from = there.n_rows() / START_PARTS;
+    let begin = rows(&there, 0..from);
+    let predicted = |terms: &[Term]| match machine.as_joints() {
+        Some(joints) => Scored::new(&calibrated(&joints.with_effects(terms), &begin)?, &there, from)?.rms(terms),
+        None => Scored::new(machine, &there, from)?.rms(terms),
+    };
+    let n_base = machine.effects().len().min(open.terms.len());
+    let (rms, n_rows) = predicted(&open.terms)?;
+    let (base_rms, _) = predicted(&open.terms[..n_base])?;
+    let effects = open.terms[n_base..].iter().map(|own| own.name.clone()).collect();
+    let part = LockedPart::Recording;
+    Ok((n_rows >= FEWEST_ROWS).then_some(LockedError { rms, base_rms, n_rows, part, verdict: open.verdict, effects }))
+}
+
+/// The last trial, or the last fifth of the only one.
+fn of_end(
+    machine: &dyn MachineUnderTest,
+    data: &Measurements,
+    options: &DiagnoseOptions,
+    known: &Diagnosis,
+) -> Result<Option<LockedError>, LabError> {
     let Some(first) = first_locked(machine, data, known)? else { return Ok(None) };
     stage("All once more without a last part");
     let is_trial = data.starts_trial(first);
-    let open = open_diagnosis(machine, &data.select(&(0..first).collect::<Vec<_>>()), options)?;
+    let open = open_diagnosis(machine, &rows(data, 0..first), options)?;
     // What was found beside the effects, the clock and the calibration, is the open part's as well.
     let all = data.by_clocks(&open.clocks, &[0]);
     let locked_time_s = data.time_s[first];
@@ -83,26 +132,43 @@ pub(super) fn error(
         .transpose()?;
     let from = if began.is_some() { first + (all.n_rows() - first) / START_PARTS } else { first };
     let own = began.as_ref().or(joints).map_or(machine, |joints| joints as &dyn MachineUnderTest);
-    let problem = prepare(own, &all)?.problem;
+    let scored = Scored::new(own, &all, from)?;
     let n_base = own.effects().len().min(open.terms.len());
-    let n_outputs = all.n_outputs;
-    let scored: Vec<usize> = (from..all.n_rows()).filter(|row| problem.weight[row * n_outputs] > 0.0).collect();
-    if scored.len() < FEWEST_ROWS {
-        return Ok(None);
+    let (rms, n_rows) = scored.rms(&open.terms)?;
+    let (base_rms, _) = scored.rms(&open.terms[..n_base])?;
+    let effects = open.terms[n_base..].iter().map(|own| own.name.clone()).collect();
+    let part = if is_trial { LockedPart::Trial } else { LockedPart::Fifth };
+    Ok((n_rows >= FEWEST_ROWS).then_some(LockedError { rms, base_rms, n_rows, part, verdict: open.verdict, effects }))
+}
+
+/// Measured rows that a machine predicts.
+struct Scored<'a> {
+    machine: &'a dyn MachineUnderTest,
+    problem: Problem<'a>,
+    rows: Vec<usize>,
+    n_outputs: usize,
+}
+
+impl<'a> Scored<'a> {
+    /// Those of the data from a row on.
+    fn new(machine: &'a dyn MachineUnderTest, data: &'a Measurements, from: usize) -> Result<Self, LabError> {
+        let problem = prepare(machine, data)?.problem;
+        let n_outputs = data.n_outputs;
+        let rows = (from..data.n_rows()).filter(|row| problem.weight[row * n_outputs] > 0.0).collect();
+        Ok(Self { machine, problem, rows, n_outputs })
     }
-    let rms = |n_effects: usize| -> Result<f64, LabError> {
-        let left = problem.outputs_of(&problem.residual(&open.terms[..n_effects])?);
-        let square = |row: &usize| left[row * n_outputs..(row + 1) * n_outputs].iter().map(|x| x * x).sum::<f64>();
-        Ok((scored.iter().map(square).sum::<f64>() / scored.len() as f64).sqrt() * machine.error_unit().1)
-    };
-    Ok(Some(LockedError {
-        rms: rms(open.terms.len())?,
-        base_rms: rms(n_base)?,
-        n_rows: scored.len(),
-        is_trial,
-        verdict: open.verdict,
-        effects: open.terms[n_base..].iter().map(|own| own.name.clone()).collect(),
-    }))
+
+    /// Root mean square of the error with these effects, in the unit of errors, and of how many rows.
+    fn rms(&self, terms: &[Term]) -> Result<(f64, usize), LabError> {
+        let left = self.problem.outputs_of(&self.problem.residual(terms)?);
+        let square = |row: &usize| left[row * self.n_outputs..][..self.n_outputs].iter().map(|x| x * x).sum::<f64>();
+        let mean = self.rows.iter().map(square).sum::<f64>() / self.rows.len() as f64;
+        Ok((mean.sqrt() * self.machine.error_unit().1, self.rows.len()))
+    }
+}
+
+fn rows(data: &Measurements, range: core::ops::Range<usize>) -> Measurements {
+    data.select(&range.collect::<Vec<_>>())
 }
 
 /// The first row of the locked part: it goes to the end.
@@ -129,6 +195,6 @@ fn first_locked(
 
 /// Joints whose hysteresis begins in the locked trial where its first part says.
 fn begun(joints: &JointsLab, all: &Measurements, first: usize, open: &Diagnosis) -> Result<JointsLab, LabError> {
-    let part: Vec<usize> = (first..first + (all.n_rows() - first) / START_PARTS).collect();
-    with_starts(joints, &open.terms, &all.select(&part), &open.calibration, &[])
+    let part = rows(all, first..first + (all.n_rows() - first) / START_PARTS);
+    with_starts(joints, &open.terms, &part, &open.calibration, &[])
 }

@@ -58,7 +58,7 @@ pub(crate) use calibration::number_name;
 pub use experiment::NextExperiment;
 pub(crate) use experiment::{next, separate_joints};
 pub(crate) use gate::{cautions, turns};
-pub use locked::LockedError;
+pub use locked::{LockedError, LockedPart};
 pub(crate) use rhythm::rhythm;
 pub use sketch::Sketch;
 pub(crate) use structure::structure;

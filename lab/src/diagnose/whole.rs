@@ -45,15 +45,12 @@ pub(crate) fn first_trials(recordings: &[(String, usize)]) -> Vec<usize> {
 /// Says which effect is missing from a machine's model, or none, or that it cannot be said.
 ///
 /// # Errors
-/// [`LabError`] where the model as given cannot be computed, a free parameter does not exist, or no part of such data can be locked.
+/// [`LabError`] where the model as given cannot be computed, or a free parameter does not exist.
 pub fn diagnose(
     machine: &dyn MachineUnderTest,
     data: &Measurements,
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
-    if options.is_locked {
-        locked::check(options)?;
-    }
     let diagnosis = open_diagnosis(machine, data, options)?;
     let remains = matches!(diagnosis.verdict, Verdict::Partly | Verdict::Unknown) || diagnosis.noise_floor.is_none();
     let model_free_rms = match remains {

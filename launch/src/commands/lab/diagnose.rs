@@ -194,7 +194,7 @@ fn locked(args: &DiagnoseArgs, diagnosis: &Diagnosis, unit: &str) -> String {
             false => "  used in selection: effects were chosen with the same rows; --locked keeps a last part from every choice".to_owned(),
         };
     };
-    let (part, effects) = (own.part(), own.effects.join(", "));
+    let (part, effects) = (own.part.word(), own.effects.join(", "));
     let with = if effects.is_empty() { "no further effect".to_owned() } else { effects };
     format!(
         "  locked: on {} rows of the {part}, which no choice has seen, {:.4} {unit}, without the effects {:.4} {unit}; the diagnosis of the \
