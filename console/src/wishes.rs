@@ -308,4 +308,47 @@ mod tests {
         assert_eq!(disable, "Disabled \u{2013} confirmed by the drives.");
         assert_eq!(said(OperatingState::Paused, 0)[0], "Paused \u{2013} confirmed by the drives.");
     }
+
+    /// What may harm when it is done twice is asked once, also of a supervisor that never answers.
+    #[test]
+    fn of_a_silent_supervisor_only_pause_and_disable_are_asked_again() {
+        let instance = format!("t-console-once-{}", std::process::id());
+        let supervisor = Bus::open(&instance, "launch").expect("joined");
+        let mut requests = supervisor.reader::<StateRequest>(ReadOptions::observing()).expect("a reader");
+        let (desk, queue) = open(&supervisor).expect("a desk");
+        let stop = AtomicBool::new(false);
+        let outcomes = std::thread::scope(|scope| {
+            let clerk = scope.spawn(|| carry(&Bus::open(&instance, "console").expect("joined"), queue, &stop));
+            let now_ns = clock::monotonic_ns();
+            let all = tokio::runtime::Builder::new_current_thread().build().expect("a runtime").block_on(async {
+                tokio::join!(
+                    desk.ask(Wish::Enable, now_ns),
+                    desk.ask(Wish::Resume, now_ns),
+                    desk.ask(Wish::Home, now_ns),
+                    desk.ask(Wish::ClearFault, now_ns),
+                    desk.ask(Wish::Pause, now_ns),
+                    desk.ask(Wish::Disable, now_ns),
+                )
+            });
+            stop.store(true, Ordering::Relaxed);
+            clerk.join().expect("it ends").expect("no channel breaks");
+            <[WishOutcome; 6]>::from(all)
+        });
+        assert!(outcomes.iter().all(|own| own.say == "The supervisor did not answer."), "{outcomes:?}");
+        let mut asked = Vec::new();
+        while let Some(request) = requests.take().expect("taken") {
+            asked.push(request.transition());
+        }
+        for (wish, most) in [
+            (Wish::Enable, 1),
+            (Wish::Resume, 1),
+            (Wish::Home, 1),
+            (Wish::ClearFault, 1),
+            (Wish::Pause, 2),
+            (Wish::Disable, 2),
+        ] {
+            let n = asked.iter().filter(|own| **own == Some(wish.transition())).count();
+            assert!((1..=most).contains(&n), "{n} times {wish:?}");
+        }
+    }
 }
