@@ -172,6 +172,10 @@ struct Operator {
     device: &'static str,
     present: bool,
     clutch: bool,
+    /// Part of the configured speed at which the hand moves the tip; null where nobody says.
+    scale: Option<f64>,
+    /// What is not taken from the hand.
+    locked: Vec<&'static str>,
 }
 
 /// A reason of the frame: its number, value and limit where both are known, and words in place of those of the hello where it has
@@ -181,6 +185,11 @@ struct Shortly {
     id: u32,
     value: Option<String>,
     words: Option<Words>,
+}
+
+fn locked(input: &OperatorInput) -> Vec<&'static str> {
+    let all = [(OperatorInput::TRANSLATION_LOCKED, "translation"), (OperatorInput::ROTATION_LOCKED, "rotation")];
+    all.into_iter().filter(|(flag, _)| input.flags & flag != 0).map(|(_, what)| what).collect()
 }
 
 /// One frame.
@@ -213,6 +222,8 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             device: input.device().map_or("unknown", device_word),
             present: input.operator_present(),
             clutch: input.clutch_pressed(),
+            scale: (input.scale_permille > 0).then(|| f64::from(input.scale_permille) * 1e-3),
+            locked: locked(&input),
         }),
         bend: shape.and_then(|shape| shape.valid_bend_rad()),
         sigma: shape.map(|shape| shape.sigma_bend_rad()),

@@ -5,10 +5,10 @@
 
 use core::time::Duration;
 use krait_ipc::Reason;
-use krait_ipc::message::SlaveState;
+use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, SlaveState};
 use krait_schema::Sample;
 use krait_tests::{
-    Browser, BrowserPage, ChainSender, Console, Krait, TempFolder, instance_name, next_of_kind, rewrite,
+    Browser, BrowserPage, ChainScene, ChainSender, Console, Krait, TempFolder, instance_name, next_of_kind, rewrite,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -84,6 +84,42 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
     );
     assert_eq!(page.value(CUT), json!(""), "nine reasons");
     page.keep("reasons-nine");
+    drop(sender);
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
+/// What the operator has chosen at the hand is no reason to hold, and is said beside the reasons while the drives are enabled.
+#[test]
+fn the_scale_and_the_locks_of_the_hand_are_said_while_the_drives_are_enabled() {
+    let Some(browser) = Browser::start() else { return };
+    let instance = instance_name("hand-says");
+    let mut krait = Krait::start(&["console", "--instance", &instance]);
+    let console = Console::of(&mut krait);
+    let sender = ChainSender::start(&instance);
+    let mut page = browser.page(&console.address, 1024, 768);
+    let locks = OperatorInput::TRANSLATION_LOCKED | OperatorInput::ROTATION_LOCKED;
+    let scale = "The hand moves the tip at 0.25 of the configured speed.";
+    let [translation, rotation] =
+        ["translation", "rotation"].map(|what| format!("No {what} is taken from the hand: it is locked."));
+    for (operating, flags, scale_permille, expected) in [
+        (OperatingState::Enabled, 0, 1000, vec!["Nothing."]),
+        (OperatingState::Enabled, 0, 250, vec!["Nothing.", scale]),
+        (OperatingState::Enabled, locks, 250, vec!["Nothing.", scale, &translation, &rotation]),
+        (OperatingState::Enabled, locks, 0, vec!["Nothing.", &translation, &rotation]),
+        (OperatingState::Paused, locks, 250, vec!["Paused."]),
+    ] {
+        let scene = ChainScene::of(operating, SlaveState::IS_HOMED | SlaveState::ENGAGED, &[]);
+        let mut scene = scene.driven(OperatorInput::OPERATOR_PRESENT | flags, DeviceState::Live, Phase::Following);
+        scene.input.as_mut().expect("an input").scale_permille = scale_permille;
+        sender.say(scene);
+        let shown = format!(
+            "JSON.stringify([...document.querySelectorAll('#reasons span')].map(span => span.textContent)) === JSON.stringify({})",
+            json!(expected)
+        );
+        page.wait_for(&format!("{operating:?}, {scale_permille} permille: {expected:?}"), &shown);
+        assert_eq!(page.value(CUT), json!(""), "{expected:?}");
+    }
     drop(sender);
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);

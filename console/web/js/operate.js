@@ -138,10 +138,18 @@ function reasons(frame) {
     const words = wordsOf(reason);
     return { level: words.level, say: words.say, todo: [reason.value, words.todo].filter(Boolean).join(' ') };
   });
+  const hand = frame.state?.operating === 'ENABLED' && frame.operator ? ofHand(frame.operator) : [];
   // Silence is no good news: only while it follows does nothing hold it back.
-  if (frame.shown === 'following' && items.every(({ level }) => level === 'info')) items.unshift({ level: 'ok', say: 'Nothing.', todo: 'All of your motion passes.' });
-  if (items.length) return list(items, '');
-  return list([{ level: 'hold', say: `${STATES[frame.shown].word}.`, todo: STATES[frame.shown].say }], '');
+  if (frame.shown === 'following' && items.every(({ level }) => level === 'info')) items.unshift({ level: 'ok', say: 'Nothing.', todo: frame.operator?.locked.length ? 'What is not locked of your motion passes.' : 'All of your motion passes.' });
+  if (!items.length) items.push({ level: 'hold', say: `${STATES[frame.shown].word}.`, todo: STATES[frame.shown].say });
+  return list([...items, ...hand], '');
+}
+
+/// What the operator has chosen at the hand, as `krait state` says it.
+function ofHand({ scale, locked }) {
+  const said = locked.map(what => `No ${what} is taken from the hand: it is locked.`);
+  if (scale !== null && scale !== 1) said.unshift(`The hand moves the tip at ${scale} of the configured speed.`);
+  return said.map(say => ({ level: 'info', say, todo: '' }));
 }
 
 function list(items, state) {
