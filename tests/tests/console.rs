@@ -47,6 +47,8 @@ fn strangers_are_refused_each_for_what_it_lacks() {
             403,
             "{path}: what is no page asks for the token first"
         );
+        let known = console.request("GET", path, &[("Origin", &own), ("Cookie", &cookie)], "");
+        assert!([400, 404].contains(&known.status), "{path} with the token: {known:?}");
     }
     assert_eq!(console.request("DELETE", "/", &[("Origin", &own)], "").status, 405);
     assert_eq!(end(krait).code, Some(0));
@@ -161,6 +163,14 @@ fn a_stop_needs_its_own_token_and_origin_and_nothing_else_and_the_drives_confirm
     let document = console.at_stop("GET", &path, &[]);
     assert_eq!(document.header("origin-agent-cluster"), Some("?1"));
     assert_eq!(document.header("referrer-policy"), Some("same-origin"));
+    let policy = document.header("content-security-policy").expect("a policy");
+    let framed = format!("frame-ancestors {};", console.origin());
+    assert!(
+        policy.contains(&framed) && policy.contains("default-src 'none'") && !policy.contains("unsafe"),
+        "{policy}"
+    );
+    let cookie = console.cookie();
+    assert!(cookie.contains(&instance), "{cookie}: two consoles of one browser keep each other's");
     assert!(document.body.contains("method=\"post\""), "a plain form");
     let mut page = console.page();
     assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["state"]["operating"] == "ENABLED"));

@@ -69,6 +69,11 @@ fn a_chain_takes_a_better_model_and_its_error_falls_and_each_recording_can_be_re
     assert!(before.models.len() == 1 && after.models.len() == 1 && before.models != after.models);
     assert!(!after.was_engaged_at_first && after.was_engaged_later, "the operator takes hold anew");
     assert!(after.error_deg < before.error_deg / 4.0, "{} deg, {} deg before", after.error_deg, before.error_deg);
+    assert!(
+        before.n_learnt_from == 0 && after.n_learnt_from > 100,
+        "the better model learns: {} pictures",
+        after.n_learnt_from
+    );
     for recording in [&recording, &second] {
         let states = states_in(recording);
         assert_no_jump(&states);
@@ -136,6 +141,8 @@ struct Found {
     was_engaged_at_first: bool,
     was_engaged_later: bool,
     error_deg: f64,
+    /// Pictures that what is learnt rests on.
+    n_learnt_from: u64,
 }
 
 fn found_in(recording: &str) -> Found {
@@ -146,7 +153,10 @@ fn found_in(recording: &str) -> Found {
     let was_engaged_at_first = samples[..first].iter().rev().find_map(state).expect("a state before the first command");
     let was_engaged_later = samples[first..].iter().filter_map(state).any(|is_engaged| is_engaged);
     let commands = samples.iter().filter_map(|s| if let Sample::Command(c) = s { Some(c.model_hash) } else { None });
-    Found { models: commands.collect(), was_engaged_at_first, was_engaged_later, error_deg: error_deg(&samples) }
+    let learnt_from = |s: &Sample| if let Sample::ModelUpdate(own) = s { Some(own.n_used) } else { None };
+    let n_learnt_from = samples.iter().filter_map(learnt_from).max().unwrap_or(0);
+    let error_deg = error_deg(&samples);
+    Found { models: commands.collect(), was_engaged_at_first, was_engaged_later, error_deg, n_learnt_from }
 }
 
 /// How far the measured bend is from what was wanted at its instant while the snake follows and nothing is eased in any more,
