@@ -11,7 +11,7 @@ use super::screen::orthonormal;
 use super::search::{Search, Trial};
 use super::stand::Beside;
 use super::whole::DiagnoseOptions;
-use super::words::{sentence, state, too_short};
+use super::words::{sentence, state};
 use super::working::{tried_rows, working_rows};
 use super::{GroupShare, columns, experiment, force_rest, gate, lists, omitted, structure};
 use crate::cells::{Usable, load_cells};
@@ -22,7 +22,7 @@ use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
 use crate::read::scatter_before_filter;
 use crate::stage::stage;
-use crate::{FEWEST_BLOCKS, LabError, Measurements, Problem, Term};
+use crate::{LabError, Measurements, Problem, Term};
 
 /// Final error up to this ratio of the floor is the floor.
 const AT_FLOOR: f64 = 1.04;
@@ -195,8 +195,6 @@ impl Case<'_> {
         let verdict = match (remaining.structured, effects.is_empty()) {
             _ if self.hint.is_some() => Verdict::Unknown,
             (true, false) if doubtful.contains(&false) => Verdict::Partly,
-            // No test was possible, so that nobody knows whether known effects explain it.
-            (true, _) if problem.n_blocks < FEWEST_BLOCKS => Verdict::TooShort,
             (true, _) => Verdict::Unknown,
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
@@ -217,7 +215,7 @@ impl Case<'_> {
         cautions.extend(self.hidden_scale(&chosen, &known));
         cautions.extend(self.hint.clone());
         let mut terms = chosen.fit.effects.clone();
-        let (effects, partial) = if matches!(verdict, Verdict::Unknown | Verdict::TooShort) {
+        let (effects, partial) = if verdict == Verdict::Unknown {
             (Vec::new(), effects)
         } else {
             let base = self.full.base.len();
@@ -231,7 +229,6 @@ impl Case<'_> {
         Ok(Diagnosis {
             sentence: match &self.hint {
                 Some(hint) => format!("the columns first: {hint}"),
-                None if verdict == Verdict::TooShort => too_short(problem),
                 None => sentence(verdict, &effects, &remaining, after, floor, unit),
             },
             verdict,

@@ -2,7 +2,6 @@
 
 use super::answer::{FoundEffect, FoundParameter, Remaining, Verdict};
 use crate::machine::Candidate;
-use crate::{FEWEST_BLOCKS, Problem, scored_time_s};
 
 /// A list that leaves less of what was explainable explains it, if its values can be.
 const EXPLAINED: f64 = 0.02;
@@ -136,16 +135,6 @@ pub(super) fn sentence(
             remaining.looks_like.map_or(String::new(), |what| format!("; it depends on {what}"))
         ),
     }
-}
-
-/// What a test would need, of data that are too short for one.
-pub(super) fn too_short(problem: &Problem) -> String {
-    let (seconds, n) = (scored_time_s(&problem.data), problem.n_blocks);
-    let needed_s = seconds * FEWEST_BLOCKS as f64 / n.max(1) as f64;
-    format!(
-        "too short to test: {seconds:.0} s of data make {n} independent blocks of {FEWEST_BLOCKS}; about {needed_s:.0} s of such data are \
-         needed"
-    )
 }
 
 /// A number in four digits.
