@@ -317,6 +317,7 @@ mod tests {
         let mut requests = supervisor.reader::<StateRequest>(ReadOptions::observing()).expect("a reader");
         let (desk, queue) = open(&supervisor).expect("a desk");
         let stop = AtomicBool::new(false);
+        let mut asked = Vec::new();
         let outcomes = std::thread::scope(|scope| {
             let clerk = scope.spawn(|| carry(&Bus::open(&instance, "console").expect("joined"), queue, &stop));
             let now_ns = clock::monotonic_ns();
@@ -330,15 +331,15 @@ mod tests {
                     desk.ask(Wish::Disable, now_ns),
                 )
             });
+            // Before the writer goes, and what it wrote with it.
+            while let Some(request) = requests.take().expect("taken") {
+                asked.push(request.transition());
+            }
             stop.store(true, Ordering::Relaxed);
             clerk.join().expect("it ends").expect("no channel breaks");
             <[WishOutcome; 6]>::from(all)
         });
         assert!(outcomes.iter().all(|own| own.say == "The supervisor did not answer."), "{outcomes:?}");
-        let mut asked = Vec::new();
-        while let Some(request) = requests.take().expect("taken") {
-            asked.push(request.transition());
-        }
         for (wish, most) in [
             (Wish::Enable, 1),
             (Wish::Resume, 1),

@@ -105,7 +105,7 @@ fn the_scale_and_the_locks_of_the_hand_are_said_while_the_drives_are_enabled() {
     for (operating, flags, scale_permille, expected) in [
         (OperatingState::Enabled, 0, 1000, vec!["Nothing."]),
         (OperatingState::Enabled, 0, 250, vec!["Nothing.", scale]),
-        (OperatingState::Enabled, locks, 250, vec!["Nothing.", scale, &translation, &rotation]),
+        (OperatingState::Enabled, OperatorInput::ROTATION_LOCKED, 250, vec!["Nothing.", scale, &rotation]),
         (OperatingState::Enabled, locks, 0, vec!["Nothing.", &translation, &rotation]),
         (OperatingState::Paused, locks, 250, vec!["Paused."]),
     ] {
