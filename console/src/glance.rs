@@ -60,22 +60,12 @@ pub fn number(value: Option<f64>, digits: usize) -> String {
 
 fn operator_line(input: Option<&OperatorInput>) -> String {
     let Some(input) = input else { return "operator    nothing is known of the hand".to_owned() };
-    let has = |flag| input.flags & flag != 0;
     let mut words = vec![if input.operator_present() { "present" } else { "absent" }.to_owned()];
     if input.clutch_pressed() {
         words.push("clutch pressed".to_owned());
     }
-    // 0: a recording of before the scale was known.
-    if input.scale_permille != 1000 && input.scale_permille != 0 {
-        words.push(format!("scale {}", f64::from(input.scale_permille) / 1000.0));
-    }
-    for (flag, what) in
-        [(OperatorInput::TRANSLATION_LOCKED, "translation"), (OperatorInput::ROTATION_LOCKED, "rotation")]
-    {
-        if has(flag) {
-            words.push(format!("{what} locked"));
-        }
-    }
+    words.extend(input.scale().filter(|scale| *scale != 1.0).map(|scale| format!("scale {scale}")));
+    words.extend(input.locked().map(|what| format!("{what} locked")));
     format!("operator    {}", words.join(", "))
 }
 

@@ -187,11 +187,6 @@ struct Shortly {
     words: Option<Words>,
 }
 
-fn locked(input: &OperatorInput) -> Vec<&'static str> {
-    let all = [(OperatorInput::TRANSLATION_LOCKED, "translation"), (OperatorInput::ROTATION_LOCKED, "rotation")];
-    all.into_iter().filter(|(flag, _)| input.flags & flag != 0).map(|(_, what)| what).collect()
-}
-
 /// One frame.
 ///
 /// # Errors
@@ -222,8 +217,8 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             device: input.device().map_or("unknown", device_word),
             present: input.operator_present(),
             clutch: input.clutch_pressed(),
-            scale: (input.scale_permille > 0).then(|| f64::from(input.scale_permille) * 1e-3),
-            locked: locked(&input),
+            scale: input.scale(),
+            locked: input.locked().collect(),
         }),
         bend: shape.and_then(|shape| shape.valid_bend_rad()),
         sigma: shape.map(|shape| shape.sigma_bend_rad()),

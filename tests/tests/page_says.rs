@@ -29,6 +29,13 @@ const CUT: &str = "(() => {
     return [...cut, ...below, ...under, ...wide].map(name).join('; ');
 })()";
 
+/// Whether the card of the reasons says these, and no others.
+fn are_reasons(says: &[impl AsRef<str>]) -> String {
+    let says: Vec<&str> = says.iter().map(AsRef::as_ref).collect();
+    let shown = "[...document.querySelectorAll('#reasons span')].map(span => span.textContent)";
+    format!("JSON.stringify({shown}) === JSON.stringify({})", json!(says))
+}
+
 /// The longest sentences of the chain, three at a time, as drives say them: none is cut, none is left out, and no other card is
 /// pushed off for them. More than there is room for are counted.
 #[test]
@@ -60,10 +67,7 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
         let mut worst_first = three.to_vec();
         worst_first.sort_by_key(|reason| (level(reason), *reason as u32));
         let says: Vec<String> = worst_first.iter().map(of).collect();
-        let are_shown = format!(
-            "JSON.stringify([...document.querySelectorAll('#reasons span')].map(span => span.textContent)) === JSON.stringify({})",
-            json!(says)
-        );
+        let are_shown = are_reasons(&says);
         for (width, height) in SIZES {
             page.resize(width, height);
             for theme in ["dark", "light"] {
@@ -105,6 +109,7 @@ fn the_scale_and_the_locks_of_the_hand_are_said_while_the_drives_are_enabled() {
     for (operating, flags, scale_permille, expected) in [
         (OperatingState::Enabled, 0, 1000, vec!["Nothing."]),
         (OperatingState::Enabled, 0, 250, vec!["Nothing.", scale]),
+        (OperatingState::Enabled, 0, 700, vec!["Nothing.", "The hand moves the tip at 0.7 of the configured speed."]),
         (OperatingState::Enabled, OperatorInput::ROTATION_LOCKED, 250, vec!["Nothing.", scale, &rotation]),
         (OperatingState::Enabled, locks, 0, vec!["Nothing.", &translation, &rotation]),
         (OperatingState::Paused, locks, 250, vec!["Paused."]),
@@ -113,11 +118,7 @@ fn the_scale_and_the_locks_of_the_hand_are_said_while_the_drives_are_enabled() {
         let mut scene = scene.driven(OperatorInput::OPERATOR_PRESENT | flags, DeviceState::Live, Phase::Following);
         scene.input.as_mut().expect("an input").scale_permille = scale_permille;
         sender.say(scene);
-        let shown = format!(
-            "JSON.stringify([...document.querySelectorAll('#reasons span')].map(span => span.textContent)) === JSON.stringify({})",
-            json!(expected)
-        );
-        page.wait_for(&format!("{operating:?}, {scale_permille} permille: {expected:?}"), &shown);
+        page.wait_for(&format!("{operating:?}, {scale_permille} permille: {expected:?}"), &are_reasons(&expected));
         assert_eq!(page.value(CUT), json!(""), "{expected:?}");
     }
     drop(sender);

@@ -75,6 +75,17 @@ impl OperatorInput {
         self.flags & Self::FROM_PAD != 0
     }
 
+    /// Part of the configured speed at which the hand moves the tip; `None` in a recording from before that was told.
+    pub fn scale(&self) -> Option<f64> {
+        (self.scale_permille != 0).then(|| f64::from(self.scale_permille) / 1000.0)
+    }
+
+    /// What is not taken from the hand, in words.
+    pub fn locked(&self) -> impl Iterator<Item = &'static str> {
+        let all = [(Self::TRANSLATION_LOCKED, "translation"), (Self::ROTATION_LOCKED, "rotation")];
+        all.into_iter().filter(|(flag, _)| self.flags & flag != 0).map(|(_, what)| what)
+    }
+
     /// Which way the jaw of a gripper is asked to go: 1 open, -1 closed, 0 neither.
     pub fn jaw_direction(&self) -> f64 {
         let asks = |flag| f64::from(u8::from(self.flags & flag != 0));
