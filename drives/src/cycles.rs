@@ -19,7 +19,7 @@ use crate::handover::Told;
 use crate::judge::{Finding, Judge};
 use crate::relax::{Relaxing, suspect};
 use crate::setup::BusSetup;
-use krait_ipc::message::{Actuators, DriveCycle, MAX_ACTUATORS};
+use krait_ipc::message::{Actuators, DriveCycle, MAX_ACTUATORS, largest};
 use krait_slave::{DriveError, DriveMode, OnFault};
 use std::sync::Arc;
 
@@ -347,10 +347,6 @@ impl<B: ActuatorBus> Cycles<B> {
         (self.is_dry() && self.phase == Phase::On)
             .then(|| self.setup.units.iter().zip(self.goal_m).map(|(units, goal_m)| units.counts(goal_m)).collect())
     }
-}
-
-fn largest(values: Actuators) -> f64 {
-    values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
 }
 
 #[cfg(test)]

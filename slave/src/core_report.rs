@@ -1,9 +1,8 @@
 //! What the slave says of itself after each step: encoders, setpoint, state, and the reasons that hold.
 
-use crate::gate::largest;
 use crate::{ActuatorState, Drive, DriveError, Findings, SlaveCore};
 use krait_ipc::Reason;
-use krait_ipc::message::{OperatingState, SlaveState};
+use krait_ipc::message::{OperatingState, SlaveState, largest};
 
 impl<D: Drive> SlaveCore<D> {
     /// Reads the drives and sums up the slave at `now_ns`. If the newest command has just been executed, `now_ns` is when

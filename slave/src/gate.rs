@@ -13,7 +13,7 @@
 
 use crate::{Findings, SlaveConfig};
 use krait_ipc::Reason;
-use krait_ipc::message::{Actuators, MAX_ACTUATORS};
+use krait_ipc::message::{Actuators, MAX_ACTUATORS, largest};
 
 /// Every actuator at zero, or at rest.
 const STILL: Actuators = [0.0; MAX_ACTUATORS];
@@ -255,11 +255,6 @@ fn shortened(v: Actuators, limit: f64) -> Actuators {
 
 fn minus(a: Actuators, b: Actuators) -> Actuators {
     core::array::from_fn(|i| a[i] - b[i])
-}
-
-/// Largest magnitude.
-pub(crate) fn largest(v: Actuators) -> f64 {
-    v.into_iter().fold(0.0, |m, x| m.max(x.abs()))
 }
 
 #[cfg(test)]

@@ -3,9 +3,8 @@
 //! Actuators that hold each other through one machine (a snake's lines) are shortened by one common factor, so that its direction
 //! stays; a gripper's wire has no part in that direction.
 
-use crate::gate::largest;
 use crate::{Findings, Gate, GateLimits, Write};
-use krait_ipc::message::{Actuators, MAX_ACTUATORS};
+use krait_ipc::message::{Actuators, MAX_ACTUATORS, largest};
 
 /// Parts of two ways, 0 to 1: of the actuators that move together, and of the one that stands alone.
 pub(crate) type Parts = [f64; 2];

@@ -5,9 +5,8 @@
 //! direction stays, but for one that stands alone: stroke, load. Rate, acceleration and jerk are the gate's.
 
 use crate::Findings;
-use crate::gate::largest;
 use crate::gates::Parts;
-use krait_ipc::message::{Actuators, Command, JAW, MAX_ACTUATORS, MAX_JOINTS, Phase, n_actuators};
+use krait_ipc::message::{Actuators, Command, JAW, MAX_ACTUATORS, MAX_JOINTS, Phase, largest, n_actuators};
 use krait_ipc::setting::{SettingError, check};
 use krait_ipc::{Reason, Reasons, settings};
 

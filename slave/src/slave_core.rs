@@ -13,14 +13,15 @@
 //!   the actuators are; after a pause and after stale commands it stays what was commanded, because the drives still hold
 //!   that against their load.
 
-use crate::gate::largest;
 use crate::gates::{Gates, Writes};
 use crate::relaxing::LettingGo;
 use crate::{
     ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, GateLimits, Homing, Limiter, LimiterVerdict,
     Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog,
 };
-use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
+use krait_ipc::message::{
+    Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition, largest,
+};
 use krait_ipc::{Reason, Reasons};
 
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.

@@ -77,10 +77,10 @@ fn stops_while(cut: Option<WayCut>) {
         }
     }
     // The browser's debugger hands a finger on only once the page has answered: on one that hangs none can be tried.
-    let finger = cut.map(|_| Stops::Finger);
-    for way in
-        [Some(Stops::Mouse), Some(Stops::Escape), finger, Some(Stops::Enter), Some(Stops::Space)].into_iter().flatten()
-    {
+    let mut ways = vec![Stops::Mouse, Stops::Escape];
+    ways.extend(cut.map(|_| Stops::Finger));
+    ways.extend([Stops::Enter, Stops::Space]);
+    for way in ways {
         let n_before = wait_for(&instance, "moving", is_moving).n_stops;
         match way {
             Stops::Mouse => page.press(place[0], place[1]),

@@ -40,6 +40,12 @@ pub const fn n_actuators(word: u32) -> usize {
     if word == 0 { N_LINES } else { word as usize }
 }
 
+/// Largest magnitude of all of them.
+#[inline]
+pub fn largest(actuators: Actuators) -> f64 {
+    actuators.into_iter().fold(0.0, |largest, value| largest.max(value.abs()))
+}
+
 /// The actuators that there are; a number of them that no machine has gives as many as a message holds.
 pub fn used(actuators: &Actuators, word: u32) -> &[f64] {
     &actuators[..n_actuators(word).min(MAX_ACTUATORS)]

@@ -29,8 +29,8 @@ mod state_request;
 mod text;
 
 pub use actuators::{
-    Actuators, GRIPPER_WIRE, JAW, JointValues, MAX_ACTUATORS, MAX_JOINTS, N_LINES, N_WITH_GRIPPER, lines, n_actuators,
-    n_of_snake, three, used,
+    Actuators, GRIPPER_WIRE, JAW, JointValues, MAX_ACTUATORS, MAX_JOINTS, N_LINES, N_WITH_GRIPPER, largest, lines,
+    n_actuators, n_of_snake, three, used,
 };
 pub use command::Command;
 pub use cue::Cue;

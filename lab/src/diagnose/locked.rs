@@ -100,11 +100,20 @@ fn of_recording(
         Some(joints) => Scored::new(&calibrated(&joints.with_effects(terms), &begin)?, &there, from)?.rms(terms),
         None => Scored::new(machine, &there, from)?.rms(terms),
     };
-    let n_base = machine.effects().len().min(open.terms.len());
+    judged(LockedPart::Recording, &open, machine.effects().len(), predicted)
+}
+
+/// The error of a part, by what predicts it: with all effects that the open part says, and with the model's own alone.
+fn judged(
+    part: LockedPart,
+    open: &Diagnosis,
+    n_own: usize,
+    predicted: impl Fn(&[Term]) -> Result<(f64, usize), LabError>,
+) -> Result<Option<LockedError>, LabError> {
+    let (own, found) = open.terms.split_at(n_own.min(open.terms.len()));
     let (rms, n_rows) = predicted(&open.terms)?;
-    let (base_rms, _) = predicted(&open.terms[..n_base])?;
-    let effects = open.terms[n_base..].iter().map(|own| own.name.clone()).collect();
-    let part = LockedPart::Recording;
+    let (base_rms, _) = predicted(own)?;
+    let effects = found.iter().map(|own| own.name.clone()).collect();
     Ok((n_rows >= FEWEST_ROWS).then_some(LockedError { rms, base_rms, n_rows, part, verdict: open.verdict, effects }))
 }
 
@@ -133,12 +142,8 @@ fn of_end(
     let from = if began.is_some() { first + (all.n_rows() - first) / START_PARTS } else { first };
     let own = began.as_ref().or(joints).map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let scored = Scored::new(own, &all, from)?;
-    let n_base = own.effects().len().min(open.terms.len());
-    let (rms, n_rows) = scored.rms(&open.terms)?;
-    let (base_rms, _) = scored.rms(&open.terms[..n_base])?;
-    let effects = open.terms[n_base..].iter().map(|own| own.name.clone()).collect();
     let part = if is_trial { LockedPart::Trial } else { LockedPart::Fifth };
-    Ok((n_rows >= FEWEST_ROWS).then_some(LockedError { rms, base_rms, n_rows, part, verdict: open.verdict, effects }))
+    judged(part, &open, own.effects().len(), |terms| scored.rms(terms))
 }
 
 /// Measured rows that a machine predicts.
