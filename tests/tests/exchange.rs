@@ -71,8 +71,9 @@ fn a_chain_takes_a_better_model_and_its_error_falls_and_each_recording_can_be_re
     assert!(after.error_deg < before.error_deg / 4.0, "{} deg, {} deg before", after.error_deg, before.error_deg);
     assert!(
         before.n_learnt_from == 0 && after.n_learnt_from > 100,
-        "the better model learns: {} pictures",
-        after.n_learnt_from
+        "the better model learns from {} pictures, the one before from {}",
+        after.n_learnt_from,
+        before.n_learnt_from
     );
     for recording in [&recording, &second] {
         let states = states_in(recording);
@@ -153,7 +154,11 @@ fn found_in(recording: &str) -> Found {
     let was_engaged_at_first = samples[..first].iter().rev().find_map(state).expect("a state before the first command");
     let was_engaged_later = samples[first..].iter().filter_map(state).any(|is_engaged| is_engaged);
     let commands = samples.iter().filter_map(|s| if let Sample::Command(c) = s { Some(c.model_hash) } else { None });
-    let learnt_from = |s: &Sample| if let Sample::ModelUpdate(own) = s { Some(own.n_used) } else { None };
+    // A model without learnt values counts the pictures that it explains, and learns nothing from them.
+    let learnt_from = |s: &Sample| match s {
+        Sample::ModelUpdate(own) if !own.learnt().is_empty() => Some(own.n_used),
+        _ => None,
+    };
     let n_learnt_from = samples.iter().filter_map(learnt_from).max().unwrap_or(0);
     let error_deg = error_deg(&samples);
     Found { models: commands.collect(), was_engaged_at_first, was_engaged_later, error_deg, n_learnt_from }
