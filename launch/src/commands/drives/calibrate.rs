@@ -66,7 +66,7 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     let drive = open_drive(&slave, None)?;
     // Limits are of loads that are known in newtons.
     let knows_newtons = drive.traits().measures_load && units.iter().all(|unit| unit.is_newton());
-    krait_slave::DriveTraits { measures_load: knows_newtons, ..drive.traits() }.check(&slave.limits)?;
+    krait_slave::DriveTraits { measures_load: knows_newtons, ..drive.traits() }.check(&slave)?;
     let ticks = |time: Duration| (time.as_secs_f64() / TICK.as_secs_f64()).ceil() as u32;
     let (delay, periods) = (ns(drive.traits().delay_ns), ns(2 * drive.traits().period_ns));
     let (settle_ticks, window_ticks) = (ticks(delay + REST), ticks(periods.max(REST)));
