@@ -16,6 +16,8 @@ mod homing;
 mod loads;
 #[path = "drives/machines.rs"]
 mod machines;
+#[path = "drives/permission.rs"]
+mod permission;
 #[path = "drives/watch.rs"]
 mod watch;
 #[path = "drives/zeros.rs"]
