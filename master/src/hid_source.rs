@@ -8,7 +8,7 @@ use crate::source::sleep_until;
 use crate::spacenavd::SpacenavHost;
 use crate::{DeviceChoice, MasterError, Plug, Profile, RawReport, ReportSource, SourceEvent};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
-use krait_ipc::clock;
+use krait_ipc::{Standing, clock};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, Ordering};
@@ -122,8 +122,9 @@ impl HidSource {
         let shared = Arc::new(Shared { lights: Lights::default().bits().into(), ..Shared::default() });
         let vid_pid = opened.vid_pid;
         let choice = choice.clone();
+        let (oldest, standing) = (events.clone(), Standing::of_this_thread());
         let reader =
-            Reader { events: sender, oldest: events.clone(), shared: Arc::clone(&shared), host, choice, pause, wake };
+            Reader { events: sender, oldest, shared: Arc::clone(&shared), host, choice, pause, wake, standing };
         let thread = std::thread::Builder::new()
             .name("krait-hid".to_owned())
             .spawn(move || reader.run(opened))
@@ -196,11 +197,16 @@ struct Reader {
     pause: Duration,
     // Wakes whoever waits for several devices at once.
     wake: Option<Sender<()>>,
+    // That of the process, which waits for what is read here.
+    standing: Standing,
 }
 
 impl Reader {
     fn run(mut self, mut opened: OpenPort) {
         loop {
+            if let Err(error) = self.standing.take() {
+                tracing::warn!(%error, "the thread that reads the hand controller is not given the priority of its process");
+            }
             match self.read_until_gone(&mut opened) {
                 ReadEnd::Stopped => {
                     opened.port.rest_lights();
@@ -216,6 +222,10 @@ impl Reader {
                 }
                 ReadEnd::Gone(source_text) => {
                     self.tell(Plug::Out);
+                    // What follows is slow.
+                    if let Err(error) = self.standing.leave() {
+                        tracing::debug!(%error, "the priority stays");
+                    }
                     std::thread::park_timeout(TOLD_PAUSE.min(self.pause));
                     let (vendor_id, product_id) = opened.vid_pid;
                     let device = format_args!("{vendor_id:04x}:{product_id:04x}");
