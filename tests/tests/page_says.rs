@@ -36,8 +36,25 @@ fn are_reasons(says: &[impl AsRef<str>]) -> String {
     format!("JSON.stringify({shown}) === JSON.stringify({})", json!(says))
 }
 
+/// Those of some sentences for which the banner's line of the worst one is too short, with "+9" behind each.
+fn too_wide(page: &mut BrowserPage, says: &[String]) -> serde_json::Value {
+    page.value(&format!(
+        "(() => {{
+            const line = document.getElementById('worst'), kept = line.innerHTML;
+            const wide = {}.filter(say => {{
+                line.children[1].textContent = say;
+                line.children[2].textContent = '+9';
+                return line.children[2].getBoundingClientRect().right > line.getBoundingClientRect().right;
+            }});
+            line.innerHTML = kept;
+            return wide;
+        }})()",
+        json!(says)
+    ))
+}
+
 /// The longest sentences of the chain, three at a time, as drives say them: none is cut, none is left out, and no other card is
-/// pushed off for them. More than there is room for are counted.
+/// pushed off for them. More than there is room for are counted. The worst one stands in the banner too, and each fits into its line.
 #[test]
 fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
     let Some(browser) = Browser::start() else { return };
@@ -68,6 +85,8 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
         worst_first.sort_by_key(|reason| (level(reason), *reason as u32));
         let says: Vec<String> = worst_first.iter().map(of).collect();
         let are_shown = are_reasons(&says);
+        let n_others = three.iter().filter(|reason| level(reason) < 3).count().saturating_sub(1);
+        let n_more = if n_others > 0 { format!("+{n_others}") } else { String::new() };
         for (width, height) in SIZES {
             page.resize(width, height);
             for theme in ["dark", "light"] {
@@ -76,10 +95,18 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
                 page.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
                 assert_eq!(page.value(CUT), json!(""), "{width} x {height}, {theme}: {says:?}");
                 assert_eq!(page.text("#why-more"), "", "{width} x {height}, {theme}: {says:?}");
+                assert_eq!(page.text("#worst span"), says[0], "{width} x {height}, {theme}");
+                assert_eq!(page.text("#worst b"), n_more, "{width} x {height}, {theme}: {says:?}");
                 page.keep(&format!("reasons-{theme}-{width}"));
             }
         }
     }
+    let all: Vec<String> = reasons.iter().map(of).collect();
+    for (width, height) in SIZES {
+        page.resize(width, height);
+        assert_eq!(too_wide(&mut page, &all), json!([]), "at {width}");
+    }
+    assert_ne!(too_wide(&mut page, &["W".repeat(60)]), json!([]), "what is too wide is seen");
     page.resize(1024, 768);
     sender.say_fault(SlaveState::failed_drive_flags(2), &reasons[..9]);
     page.wait_for(
