@@ -4,6 +4,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
+use krait_ipc::message::Marker;
 use krait_record::{About, Recording, RecordingWriter};
 use krait_schema::Sample;
 use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name};
@@ -100,10 +101,18 @@ fn the_list_says_what_was_learnt_and_what_was_lost() {
     let recording = Recording::open(Path::new(&shipped)).expect("readable");
     let about = About::run("lossy", &BTreeMap::new(), recording.contents().attachments.clone());
     let mut writer = RecordingWriter::create(Path::new(&folder.file("lossy.mcap")), 1 << 18, &about).expect("created");
+    let mut last_ns = 0;
     for recorded in recording.samples().expect("samples").map(|recorded| recorded.expect("readable")) {
         if !matches!(recorded.sample, Sample::ModelUpdate(_)) {
             writer.write(&recorded.sample, recorded.sample.sample_ns()).expect("written");
+            last_ns = last_ns.max(recorded.sample.sample_ns());
         }
+    }
+    // Three marks, of which the last makes the recording longer than an hour.
+    let after_ns = [0, 1_000_000_000, 3_725_000_000_000];
+    for (sequence, after_ns) in (1..).zip(after_ns) {
+        let mark = Marker::new(sequence, last_ns + after_ns, "a vessel").expect("a mark");
+        writer.write(&Sample::Marker(Box::new(mark)), last_ns + after_ns).expect("written");
     }
     let end = [("n_dropped", "1200"), ("n_lost", "34")].map(|(key, n)| (key.to_owned(), n.to_owned()));
     writer.finish(&BTreeMap::from(end)).expect("finished");
@@ -132,7 +141,24 @@ fn the_list_says_what_was_learnt_and_what_was_lost() {
         assert!((value / exact - 1.0).abs() < 1e-3 && said.contains(" \u{b1} "), "{said}: {parameter}");
     }
     assert_eq!(of("lossy", ".learnt"), json!([]));
-    assert_eq!((&of("whole", "td")[4], &of("lossy", "td")[4]), (&json!("0"), &json!("1\u{202f}234")));
+    // Length, marks, lost and size of each, as the file itself has them.
+    for (name, n_marks, lost) in [("whole", 0, "0"), ("lossy", 3, "1\u{202f}234")] {
+        let path = folder.file(&format!("{name}.mcap"));
+        let samples = Recording::open(Path::new(&path)).and_then(|own| own.samples()).expect("readable");
+        let written: Vec<u64> = samples.map(|recorded| recorded.expect("readable").log_ns).collect();
+        let (first, last) = written.iter().fold((u64::MAX, 0), |(a, b), own| (a.min(*own), b.max(*own)));
+        let seconds = (last - first) / 1_000_000_000;
+        let length = format!("{}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60);
+        assert_eq!(length.starts_with("1:02:0"), name == "lossy", "{length}");
+        let bytes = std::fs::metadata(&path).expect("a file").len();
+        let size = format!("{:.1} MB", bytes as f64 / 1e6);
+        let shown = of(name, "td");
+        assert_eq!(
+            (&shown[2], &shown[3], &shown[4], &shown[5]),
+            (&json!(length), &json!(n_marks.to_string()), &json!(lost), &json!(size)),
+            "{shown}"
+        );
+    }
     for (width, height) in SIZES {
         page.resize(width, height);
         page.keep(&format!("learnt-{width}"));
