@@ -91,6 +91,77 @@ fn two_recordings_are_compared_as_the_command_compares_them() {
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
 }
 
+/// One window for all who score a file: `run` says of its run what `compare` says of the recording, `replay` what `compare` says of the
+/// replay's, and both are alike. A file that is cut is said to be cut, and is compared over what both have.
+#[test]
+fn run_replay_and_compare_score_the_same_file_the_same() {
+    let folder = TempFolder::new("scored");
+    let [live, again, cut] = ["live.mcap", "again.mcap", "cut.mcap"].map(|name| folder.file(name));
+    let run = ["run", "--engage=again", "--json", "--seconds", "14", "--recording", &live];
+    let run = Ended::of(&[&run[..], &["--instance", &instance_name("scored")]].concat(), PATIENCE);
+    assert!(matches!(run.code, Some(0 | 1)), "{}", run.stderr);
+    let by_run = run.json()["passes"][0].clone();
+    let replay = ["replay", "--json", "--speed", "max", &live, "--recording", &again];
+    let replay = Ended::of(&[&replay[..], &["--instance", &instance_name("again")]].concat(), PATIENCE);
+    assert_eq!(replay.code, Some(0), "{}", replay.stderr);
+    let by_replay = replay.json();
+    let compared = Ended::of(&["compare", "--json", &live, &again], PATIENCE).json();
+    let rms = |score: &Value| score["rms"].as_f64().unwrap_or_else(|| panic!("a score, found {score}"));
+    for (own, key, side) in [(&by_run, "error_deg", "a"), (&by_replay, "tracking_error_deg", "b")] {
+        assert_eq!(own[key], compared[side]["tracking_error_deg"], "{side}: {own}");
+        assert!(rms(&own[key]) > 0.0 && own[key]["n"].as_u64() > Some(60), "{own}");
+        assert_eq!((&own["scored_from_s"], &compared[side]["scored_from_s"]), (&json!(10.0), &json!(10.0)));
+    }
+    let ratio = rms(&by_run["error_deg"]) / rms(&by_replay["tracking_error_deg"]);
+    assert!((0.75..1.34).contains(&ratio), "live and replayed: {ratio}");
+
+    let bytes = std::fs::read(&live).expect("there");
+    std::fs::write(&cut, &bytes[..bytes.len() * 23 / 25]).expect("written");
+    let answer = Ended::of(&["compare", "--json", &cut, &live], PATIENCE).json();
+    let missing = answer["a"]["missing"].as_array().expect("sentences");
+    assert!(missing.iter().any(|said| said.as_str().is_some_and(|said| said.contains("is cut"))), "{missing:?}");
+    assert_eq!(answer["b"]["missing"], json!([]));
+    assert!(answer["a"]["samples"]["shape"].as_u64() < answer["b"]["samples"]["shape"].as_u64(), "{answer}");
+    let verdict = answer["verdict"].as_str().expect("a verdict");
+    assert!(verdict.starts_with("both follow alike") && verdict.contains("their lengths differ"), "{verdict}");
+    let text = Ended::of(&["compare", &cut, &live], PATIENCE).stdout;
+    let (of_a, of_b) = text.split_once("\nB: ").expect("two sides");
+    assert!(of_a.contains("   not whole: the recording is cut") && !of_b.contains("not whole"), "{text}");
+}
+
+/// Less than ten seconds of motion have no error, for people and for programs, and no command calls it zero.
+#[test]
+fn a_run_that_is_too_short_has_no_error_and_says_why() {
+    let folder = TempFolder::new("short");
+    let recording = folder.file("short.mcap");
+    let run = |words: &[&str]| {
+        let instance = instance_name("short");
+        let ended = Ended::of(
+            &[&["run", "--engage=again", "--seconds", "3", "--instance", &instance], words].concat(),
+            PATIENCE,
+        );
+        assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+        ended
+    };
+    let pass = run(&["--json", "--recording", &recording]).json()["passes"][0].clone();
+    for key in ["error_deg", "bend_error_deg", "plane_error_deg"] {
+        assert!(pass.get(key).is_some_and(Value::is_null), "{key}: {pass}");
+    }
+    let text = run(&["--recording", &folder.file("told.mcap")]).stdout;
+    let row = text.lines().find(|line| line.starts_with("  estimated ")).unwrap_or_else(|| panic!("its row in {text}"));
+    assert_eq!(row.split_whitespace().filter(|cell| *cell == "-").count(), 9, "no figure of an error: {row}");
+    assert!(text.contains("too short: 10 s needed"), "{text}");
+    let replay = |words: &[&str]| {
+        let all =
+            ["replay", "--speed", "max", "--no-recording", &recording, "--instance", &instance_name("short-again")];
+        Ended::of(&[&all[..], words].concat(), PATIENCE)
+    };
+    let figures = replay(&["--json"]).json();
+    assert!(figures.get("tracking_error_deg").is_some_and(Value::is_null), "{figures}");
+    let said = replay(&[]).stdout;
+    assert!(said.contains("too short: 10 s needed"), "{said}");
+}
+
 /// The list has what each recording's chain had learnt, as `krait model save-learnt` says it, and what its recorder lost.
 #[test]
 fn the_list_says_what_was_learnt_and_what_was_lost() {
