@@ -1,6 +1,7 @@
 //! The effects that may be missing from a joint, each with few parameters: where in the chain, what is nonlinear, where to look.
 
 use super::signal::Signal;
+use crate::Offered;
 use crate::noise::bounds;
 
 /// One effect, parameter-poor.
@@ -26,6 +27,8 @@ pub(super) enum Kind {
     WarmUp,
     Scale,
     Offset,
+    /// A formula of the user's.
+    Own(Offered),
     // Shapes that no effect of the library makes: what is left may look like one of them.
     Kink,
     Drag,
@@ -53,6 +56,7 @@ pub(super) enum Class {
     Coupling(usize),
     Proportional,
     Constant,
+    Own(Offered),
     /// Shapes are each of their own class.
     Shape(Kind),
 }
@@ -110,6 +114,20 @@ pub(super) const WAVES: usize = 10;
 /// An error with fewer periods in the whole range is a curve.
 const FEWEST_TURNS: f64 = 3.0;
 
+/// A parameter of a formula is looked for so far from the value that is given, in both directions.
+const FAR_FROM_GIVEN: f64 = 30.0;
+
+/// The range of a formula's parameter: one that is given positive stays so, of the others nothing is known.
+fn around(given: f64) -> Range {
+    let (low, high, scale) = if given > 0.0 {
+        (given / FAR_FROM_GIVEN, given * FAR_FROM_GIVEN, Coordinates::Log)
+    } else {
+        let size = if given == 0.0 { 1.0 } else { -given };
+        (-FAR_FROM_GIVEN * size, FAR_FROM_GIVEN * size, Coordinates::Linear(size))
+    };
+    Range { low, high, scale, ends_matter: false }
+}
+
 impl Kind {
     /// All that a joint can have.
     pub fn all(signal: &Signal) -> Vec<Self> {
@@ -156,6 +174,7 @@ impl Kind {
             Self::Offset => Class::Constant,
             Self::Periodic => Class::Periodic,
             Self::Coupling(from) => Class::Coupling(from),
+            Self::Own(own) => Class::Own(own),
             own => Class::Shape(own),
         }
     }
@@ -198,6 +217,7 @@ impl Kind {
             Self::WarmUp => "drift",
             Self::Scale => "scale",
             Self::Offset => "offset",
+            Self::Own(own) => own.name(),
             Self::Kink => "the position, with another slope beyond some place",
             Self::Drag => "speed, by a power of it",
             Self::Jump => "time, with a jump",
@@ -239,6 +259,7 @@ impl Kind {
         match self {
             Self::Periodic | Self::Plays | Self::Curve | Self::Rhythm => 2,
             Self::Wander => WAVES,
+            Self::Own(own) => own.amplitudes().len(),
             own if own.carries() => 0,
             _ => 1,
         }
@@ -286,6 +307,7 @@ impl Kind {
                 let range = s.range_of(k);
                 vec![log(0.01 * range, 0.4 * range)]
             }
+            Self::Own(own) => own.shapes().map(|(_, given)| around(given)).collect(),
             Self::Quadratic
             | Self::Cubic
             | Self::Curve
@@ -339,6 +361,7 @@ impl Kind {
                 one(all.filter(|hz| !s.is_of_motion(*hz)).collect())
             }
             Self::OtherPlay(_) => one(steps(0, 7)),
+            Self::Own(own) => own.grid(),
             _ => vec![Vec::new()],
         }
     }

@@ -207,6 +207,10 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
             let wave = |row: usize| (TAU * values[0] * s.time_s[row]).sin_cos();
             vec![on_rows(&|row| wave(row).0), on_rows(&|row| wave(row).1)]
         }
+        Kind::Own(own) => {
+            let column = |amplitude: usize| on_rows(&|row| s.formula(own, row, x, amplitude, values));
+            (0..member.kind.n_linear()).map(column).collect()
+        }
         Kind::Fading => vec![on_rows(&|row| unit(row) * row as f64 / s.n() as f64)],
         Kind::Product(k) => vec![on_rows(&|row| unit(row) * s.inputs[k][row])],
         Kind::OtherSquare(k) => vec![on_rows(&|row| s.inputs[k][row].powi(2))],

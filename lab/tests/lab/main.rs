@@ -14,6 +14,7 @@ mod joint_starts;
 mod joints;
 mod model_free;
 mod noise;
+mod offered;
 mod read_csv;
 mod read_recording;
 mod real;
