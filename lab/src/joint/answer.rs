@@ -301,6 +301,7 @@ fn look_alikes(kind: Kind) -> &'static [&'static str] {
         Kind::Backlash => &["backlash"],
         Kind::BoucWen => &["bouc-wen"],
         Kind::Plays => &["prandtl-ishlinskii"],
+        Kind::UnevenPlays => &["generalised-prandtl-ishlinskii"],
         Kind::DeadZone => &["dead-zone"],
         Kind::Saturation => &["saturation"],
         Kind::Creep => &["creep"],

@@ -181,6 +181,13 @@ fn of_member(
             amplitude("weight2", 1, 1.0 / gain),
             shape("half_width2", 0, 1.0 / 3.0),
         ],
+        Kind::UnevenPlays => vec![
+            shape("reach", 0, 1.0),
+            shape("bend", 1, 1.0),
+            fixed("centre", middle),
+            amplitude("weight2", 1, 1.0 / gain),
+            amplitude("weight4", 0, 1.0 / gain),
+        ],
         Kind::LoadFriction => vec![amplitude("share", 0, 1.0 / gain), shape("friction", 0, 1.0)],
         Kind::DeadZone => vec![shape("half_width", 0, 1.0), shape("centre", 1, 1.0)],
         Kind::Saturation => vec![shape("limit", 0, 1.0)],

@@ -22,3 +22,4 @@ mod report;
 mod second_log;
 mod segments;
 mod tip;
+mod uneven;
