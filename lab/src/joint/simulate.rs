@@ -3,7 +3,7 @@
 use super::kind::{Kind, WAVES};
 use super::signal::Signal;
 use core::f64::consts::{PI, TAU};
-use krait_model::joints::{bouc_wen, lag_step, load_play, play, second_order_ramp, second_order_step};
+use krait_model::joints::{REACHES, bouc_wen, lag_step, load_play, play, second_order_ramp, second_order_step};
 use std::sync::Arc;
 
 /// One effect with the values of its nonlinear parameters, and where its memory starts in each trial, -1 to 1.
@@ -176,6 +176,11 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
             let [wide, narrow] = [1.0, 1.0 / 3.0].map(|part| played(s, x, |_| part * values[0], &member.starts));
             vec![on_rows(&|row| wide[row] - x[row]), on_rows(&|row| narrow[row] - x[row])]
         }
+        Kind::UnevenPlays => {
+            let bent: Vec<f64> = x.iter().map(|x| x + values[1] * (x - middle).powi(2)).collect();
+            let [wide, narrow] = [1.0, REACHES[1]].map(|part| played(s, &bent, |_| part * values[0], &member.starts));
+            vec![on_rows(&|row| wide[row] - bent[row]), on_rows(&|row| narrow[row] - bent[row])]
+        }
         Kind::LoadFriction => {
             let p = with_memory(s, x, |last, x, _| load_play(last, x, values[0]));
             vec![on_rows(&|row| p[row] - x[row])]
@@ -202,6 +207,10 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
             (1..=WAVES).map(wave).collect()
         }
         Kind::Rhythm => waves(s, |row| TAU * values[0] * s.time_s[row]),
+        Kind::Own(own) => {
+            let column = |amplitude: usize| on_rows(&|row| s.formula(own, row, x, amplitude, values));
+            (0..member.kind.n_linear()).map(column).collect()
+        }
         Kind::Fading => vec![on_rows(&|row| unit(row) * row as f64 / s.n() as f64)],
         Kind::Product(k) => vec![on_rows(&|row| unit(row) * s.inputs[k][row])],
         Kind::OtherSquare(k) => vec![on_rows(&|row| s.inputs[k][row].powi(2))],
