@@ -21,3 +21,4 @@ mod report;
 mod second_log;
 mod segments;
 mod tip;
+mod verdict;
