@@ -50,7 +50,10 @@ const WATCH: &str = "import('/js/link.js').then(({ on }) => {
         bars.forEach((bar, i) => {
             const mm = bar.querySelector('.mm').textContent, newton = bar.querySelector('.newton').textContent;
             if (isNew(`mm ${i}`, mm)) near(`mm of ${i}`, number(mm), 1e3 * q_m[i], 0.0051);
-            if (isNew(`N ${i}`, newton)) near(`N of ${i}`, number(newton), tau_n[i], 0.051);
+            if (isNew(`N ${i}`, newton)) {
+                if (tau_n[i] === null) { if (newton !== 'not measured') wrong(`N of ${i}: ${newton}, expected none`); }
+                else near(`N of ${i}`, number(newton), tau_n[i], 0.051);
+            }
         });
         if (row.n % 6) return;
         row.n_placed += 1;

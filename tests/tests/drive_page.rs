@@ -225,6 +225,7 @@ fn a_jaw_moves_while_its_button_is_held_and_the_picture_shows_how_far_it_is_open
     let complaints: Vec<_> = page.complaints.iter().filter(|said| !said.contains("WebSocket")).collect();
     assert!(complaints.is_empty(), "{complaints:?}");
     the_picture_has_its_fingers(&mut page);
+    the_pad_covers_nothing(&mut page);
     krait.signal(Signal::TERM);
     assert_eq!(krait.end(PATIENCE).code, Some(0));
     let verified = Ended::of(&["verify", &recording], PATIENCE);
@@ -277,6 +278,21 @@ impl Jaw<'_> {
         assert!(crept_deg.abs() < 3.0, "{how}: it went on by {crept_deg} deg");
         let [[x, y], [a, b]] = [bend(&later), bend(&before)];
         assert!((x - a).hypot(y - b) < 3.0, "{how}: the snake bent from {before} to {later}");
+    }
+}
+
+/// The pad with the jaw's buttons, which is the highest one, lies within the picture and over neither views nor legend.
+fn the_pad_covers_nothing(page: &mut BrowserPage) {
+    for (width, height) in [(1920, 1080), (1280, 800), (1024, 768)] {
+        page.resize(width, height);
+        page.value("new Promise(done => setTimeout(done, 300))");
+        page.keep(&format!("pad-{width}"));
+        let lies = "(() => {
+            const [stage, pad, strip, ...others] = ['#stage', '#pad', '.strip', '.views', '.legend'].map(own => document.querySelector(own).getBoundingClientRect());
+            const apart = other => other.right <= pad.left || other.left >= pad.right || other.bottom <= pad.top || other.top >= pad.bottom;
+            return pad.top >= stage.top && pad.bottom <= strip.top && others.every(apart);
+        })()";
+        page.wait_for(&format!("the pad has its own place at {width} x {height}"), lies);
     }
 }
 

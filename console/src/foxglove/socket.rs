@@ -177,44 +177,48 @@ async fn serve(mut socket: WebSocket, mut place: Place) {
         }
     }
     let mut packets: broadcast::Receiver<Arc<Packet>> = place.viewers.packets.subscribe();
-    let (mut allowance, mut n_passed, mut said_ns) = (RateAllowance::default(), 0, clock::monotonic_ns());
+    let mut allowance = RateAllowance::default();
+    let (mut n_passed, mut n_told, mut told_ns) = (0, 0, clock::monotonic_ns());
     loop {
         let answer = tokio::select! {
             heard = socket.recv() => match heard {
                 Some(Ok(heard)) if allowance.take(clock::monotonic_ns()) => match heard {
                     Message::Text(text) => match place.take_text(&text) {
-                        Ok(()) => continue,
-                        Err(why) => Message::Text(wire::status(Level::Error, &why).into()),
+                        Ok(()) => None,
+                        Err(why) => Some(Message::Text(wire::status(Level::Error, &why).into())),
                     },
                     Message::Binary(_) => {
                         let why = "Refused: this server is read-only; nothing that a viewer publishes goes anywhere.";
-                        Message::Text(wire::status(Level::Error, why).into())
+                        Some(Message::Text(wire::status(Level::Error, why).into()))
                     }
-                    Message::Ping(_) | Message::Pong(_) => continue,
+                    Message::Ping(_) | Message::Pong(_) => None,
                     Message::Close(_) => return,
                 },
                 _ => return,
             },
             packet = packets.recv() => match packet {
-                Ok(packet) => match place.subscriptions.get(&packet.topic) {
-                    Some(id) => Message::Binary(wire::message_data(*id, packet.wall_ns, &packet.payload).into()),
-                    None => continue,
-                },
+                Ok(packet) => place.subscriptions.get(&packet.topic).map(|id| {
+                    Message::Binary(wire::message_data(*id, packet.wall_ns, &packet.payload).into())
+                }),
                 Err(RecvError::Lagged(n)) => {
                     n_passed += n;
-                    let now_ns = clock::monotonic_ns();
-                    if now_ns - said_ns < SAY_EVERY_NS {
-                        continue;
-                    }
-                    said_ns = now_ns;
-                    let what = format!("Slow: this viewer reads too slowly; {n_passed} messages of all topics were passed over.");
-                    Message::Text(wire::status(Level::Warning, &what).into())
+                    None
                 }
                 Err(RecvError::Closed) => return,
             },
         };
-        if !send(&mut socket, answer).await {
-            return;
+        let now_ns = clock::monotonic_ns();
+        // What was passed over soon after the last sentence is told in the next one, whether more follows or not.
+        let slow = (n_passed > n_told && now_ns - told_ns >= SAY_EVERY_NS).then(|| {
+            (n_told, told_ns) = (n_passed, now_ns);
+            let what =
+                format!("Slow: this viewer reads too slowly; {n_passed} messages of all topics were passed over.");
+            Message::Text(wire::status(Level::Warning, &what).into())
+        });
+        for message in slow.into_iter().chain(answer) {
+            if !send(&mut socket, message).await {
+                return;
+            }
         }
     }
 }

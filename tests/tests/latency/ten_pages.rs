@@ -18,6 +18,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Turns; each has a stretch without a console, another one to tell the spread, one with nine readers, one with a browser at nice 10
 /// besides, one with a browser as it comes in its place, one with a diagnosis besides, one with a hundred connections that hang besides.
 const TURNS: usize = 6;
+/// Environment variable with another number of turns, for a look that takes less than six minutes.
+const OTHER_TURNS: &str = "KRAIT_TURNS";
 const STRETCH: Duration = Duration::from_secs(5);
 /// What has just begun or ended on the machine is over by then.
 const SETTLE: Duration = Duration::from_secs(2);
@@ -56,6 +58,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     let (Some(browser), Some(nice_browser)) = (Browser::start(), Browser::start_at(NICE)) else { return };
     let (instance, folder) = (instance_name("ten"), TempFolder::new("ten"));
     let (recording, lab) = (folder.file("ten.mcap"), folder.file("lab"));
+    let n_turns = std::env::var(OTHER_TURNS).map_or(TURNS, |turns| turns.parse().expect("a number of turns"));
     println!("load before: {}", load());
     let config = folder.file("config.toml");
     let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "0".to_owned());
@@ -66,7 +69,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     let mut stretches = Stretches::new();
     let (mut shares, mut firsts) = (BTreeMap::<&str, Vec<f64>>::new(), Vec::new());
     let mut painted = Painted::default();
-    for turn in 0..TURNS {
+    for turn in 0..n_turns {
         std::thread::sleep(SETTLE);
         for way in &WAYS[..2] {
             stretches.push(stretch(way));
@@ -105,7 +108,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
             let stalled = console.stalled(STALLED);
             measured(WAYS[6]);
             drop(stalled);
-            if turn == TURNS - 1 {
+            if turn == n_turns - 1 {
                 stretches.extend(stops(&mut page, &console));
             }
         });
@@ -117,7 +120,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     chain.signal(Signal::INT);
     let ended = chain.end(PATIENCE);
     assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
-    let chain = print_chain(&recording, &stretches);
+    let chain = print_chain(&recording, &stretches, n_turns);
     let [one, other] = [&chain["without"], &chain["without, again"]];
     let (slower, widest) = (f64::max(one.p50, other.p50), f64::max(one.widest, other.widest));
     for way in &WAYS[2..] {
@@ -139,7 +142,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
         "part of the pictures sent that were painted: {}",
         parts.iter().map(|part| format!("{part:.2}")).collect::<Vec<_>>().join(", ")
     );
-    assert!(parts.len() == TURNS && parts.iter().all(|part| *part >= LEAST_PAINTED), "the browser paints: {parts:?}");
+    assert!(parts.len() == n_turns && parts.iter().all(|part| *part >= LEAST_PAINTED), "the browser paints: {parts:?}");
     println!("glass latency, median, ms: {}; pictures a second: {}", list(glass.into_iter()), list(per_s.into_iter()));
     println!("{}", first_load());
 }
@@ -265,7 +268,7 @@ struct Way {
 }
 
 /// Prints what each way cost the chain. No state is missing, and no stop needed more than a pause.
-fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str, Way> {
+fn print_chain(recording: &str, stretches: &Stretches, n_turns: usize) -> BTreeMap<&'static str, Way> {
     let states: Vec<SlaveState> = Recording::open(Path::new(recording))
         .and_then(|recording| recording.samples())
         .expect("readable")
@@ -299,7 +302,7 @@ fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str,
             each(0.99),
             all.len()
         );
-        assert!(all.len() > TURNS * 1000, "a chain that runs: {} samples", all.len());
+        assert!(all.len() > n_turns * 1000, "a chain that runs: {} samples", all.len());
         let widest = of_way[way].iter().map(|own| quantile(own, 0.99)).fold(0.0, f64::max);
         ways.insert(way, Way { p50: quantile(&all, 0.5), p99: quantile(&all, 0.99), widest });
     }
