@@ -12,8 +12,12 @@ use crate::{Measurements, Problem};
 pub struct NoiseFloor {
     /// From third differences: the white part.
     pub differences: Option<f64>,
+    /// Its relative standard error; zero where it is not known.
+    pub differences_relative_se: f64,
     /// From pairs of rows a second or more apart while the machine rests.
     pub rest: Option<f64>,
+    /// Its relative standard error; zero where it is not known.
+    pub rest_relative_se: f64,
     /// Time at rest that `rest` is made of, s.
     pub rest_time_s: f64,
     /// From visits to the same inputs in the same direction at other times: an upper bound.
@@ -52,13 +56,42 @@ const PAIR_GAP_S: f64 = 1.0;
 const CLEARLY_BELOW: f64 = 0.85;
 /// Rests and differences agree up to this ratio.
 const AGREE: f64 = 1.06;
+/// At the floor is an error up to this ratio of a floor that is known exactly.
+const AT_FLOOR: f64 = 1.04;
+/// A residual of a shorter memory, in rows, has none.
+pub(crate) const NO_MEMORY: f64 = 1.6;
+/// Squares of differences of white noise are not independent: 1 + 2 sum rho^2, where rho is -15/20, 6/20 and -1/20 over one to three rows
+/// for third differences, and -1/2 over the gap for pairs.
+const SHARED_BY_DIFFERENCES: f64 = 2.31;
+const SHARED_BY_PAIRS: f64 = 1.5;
+/// Rests are cut into pieces of this length, whose scatter says how well their noise is known, whatever its memory.
+const PIECE_S: f64 = 2.0 * PAIR_GAP_S;
+
+/// Relative standard error of a standard deviation from so many independent values.
+pub(crate) fn relative_error(n_independent: f64) -> f64 {
+    (0.5 / n_independent.max(2.0)).sqrt()
+}
+
+/// Largest ratio of a floor that is still the floor.
+pub(crate) fn at_floor(relative_error: f64) -> f64 {
+    AT_FLOOR + 2.0 * relative_error
+}
 
 impl NoiseFloor {
     /// Estimates from residuals of any model that follows the motion roughly (weighted, row after row).
     pub fn new(problem: &Problem, residual: &[f64]) -> Self {
+        let differences = by_differences(problem, residual);
         let (rest, rest_time_s) = at_rest(problem, residual);
         let (visits, n_visits) = on_visits(problem, residual);
-        Self { differences: by_differences(problem, residual), rest, rest_time_s, visits, n_visits }
+        Self {
+            differences: differences.map(|(sigma, _)| sigma),
+            differences_relative_se: differences.map_or(0.0, |(_, n)| relative_error(n as f64 / SHARED_BY_DIFFERENCES)),
+            rest: rest.map(|(sigma, _)| sigma),
+            rest_relative_se: rest.map_or(0.0, |(_, error)| error),
+            rest_time_s,
+            visits,
+            n_visits,
+        }
     }
 
     /// One output's standard deviation, and where it comes from; `None` if the data do not tell.
@@ -68,6 +101,15 @@ impl NoiseFloor {
             (Some(fast), Some(_)) => Some((fast, FloorSource::White)),
             (Some(fast), None) => Some((fast, FloorSource::Differences)),
             (None, rest) => rest.map(|rest| (rest, FloorSource::Rest)),
+        }
+    }
+
+    /// Relative standard error of [`Self::sigma`]; zero where that is not known.
+    pub fn relative_error(&self) -> f64 {
+        match self.sigma() {
+            Some((_, FloorSource::Rest)) => self.rest_relative_se,
+            Some((_, FloorSource::White | FloorSource::Differences)) => self.differences_relative_se,
+            None => 0.0,
         }
     }
 
@@ -81,7 +123,7 @@ impl NoiseFloor {
 /// Rows whose outputs stand out from both neighbours by more than six standard deviations of the differences.
 pub fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
     let width = problem.data.n_outputs;
-    let Some(sigma) = by_differences(problem, residual) else { return Vec::new() };
+    let Some((sigma, _)) = by_differences(problem, residual) else { return Vec::new() };
     let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
     let stands_out = |w: &[usize]| {
         let near = problem.data.trial[w[0]] == problem.data.trial[w[4]];
@@ -96,8 +138,8 @@ pub fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
     rows.windows(5).filter(|w| stands_out(w)).map(|w| w[2]).collect()
 }
 
-/// Third differences of neighbouring rows, largest values left out: sigma^2 = mean (D^3 r)^2 / 20.
-fn by_differences(problem: &Problem, residual: &[f64]) -> Option<f64> {
+/// Third differences of neighbouring rows, largest values left out: sigma^2 = mean (D^3 r)^2 / 20; and of how many.
+fn by_differences(problem: &Problem, residual: &[f64]) -> Option<(f64, usize)> {
     let data = &problem.data;
     let width = data.n_outputs;
     let rows: Vec<usize> = (0..data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
@@ -119,33 +161,62 @@ fn by_differences(problem: &Problem, residual: &[f64]) -> Option<f64> {
     if squares.len() < 100 {
         return None;
     }
-    Some((squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    Some(((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), squares.len()))
 }
 
-/// Half the mean square of differences a second or more apart in rests; and the time at rest.
-fn at_rest(problem: &Problem, residual: &[f64]) -> (Option<f64>, f64) {
+/// Half the mean square of differences a second or more apart in rests, as a standard deviation with its relative standard error; and
+/// the time at rest.
+fn at_rest(problem: &Problem, residual: &[f64]) -> (Option<(f64, f64)>, f64) {
     let data = &problem.data;
     let width = data.n_outputs;
-    let mut sum = 0.0;
-    let mut n_pairs = 0usize;
+    let mut pieces: Vec<Piece> = Vec::new();
     let mut total_s = 0.0;
     for (first, end) in rests(data, SHORTEST_REST_S) {
         let rows: Vec<usize> = (first..end).filter(|row| problem.weight[row * width] > 0.0).collect();
         total_s += data.time_s[end - 1] - data.time_s[first];
         let mut later = 0;
+        let mut last = None;
         for (i, &row) in rows.iter().enumerate() {
             later = later.max(i);
             while later < rows.len() && data.time_s[rows[later]] - data.time_s[row] < PAIR_GAP_S {
                 later += 1;
             }
             let Some(&other) = rows.get(later) else { break };
+            let number = ((data.time_s[row] - data.time_s[first]) / PIECE_S) as usize;
+            if last != Some(number) {
+                pieces.push(Piece::default());
+                last = Some(number);
+            }
+            let Some(own) = pieces.last_mut() else { break };
             for k in 0..width {
-                sum += 0.5 * (residual[other * width + k] - residual[row * width + k]).powi(2);
-                n_pairs += 1;
+                own.sum += 0.5 * (residual[other * width + k] - residual[row * width + k]).powi(2);
+                own.n_pairs += 1.0;
             }
         }
     }
-    ((n_pairs >= 200).then(|| (sum / n_pairs as f64).sqrt()), total_s)
+    (of_pieces(&pieces), total_s)
+}
+
+/// Half the squared differences of the pairs that begin in one piece of a rest.
+#[derive(Default)]
+struct Piece {
+    sum: f64,
+    n_pairs: f64,
+}
+
+/// Standard deviation of all pieces together, with its relative standard error from their scatter; `None` of few pairs.
+fn of_pieces(pieces: &[Piece]) -> Option<(f64, f64)> {
+    let [sum, n_pairs] = pieces.iter().fold([0.0, 0.0], |[s, n], own| [s + own.sum, n + own.n_pairs]);
+    if n_pairs < 200.0 {
+        return None;
+    }
+    let (mean, n) = (sum / n_pairs, pieces.len() as f64);
+    let scatter: f64 = pieces.iter().map(|own| (own.sum - mean * own.n_pairs).powi(2)).sum();
+    // Of a mean square; that of its root is half of it.
+    let of_square = (scatter * n / (n - 1.0).max(1.0)).sqrt() / sum.max(f64::MIN_POSITIVE);
+    // A piece says as much as one value at least, and no more than its pairs do.
+    let error = (0.5 * of_square).min(relative_error(n)).max(relative_error(n_pairs / SHARED_BY_PAIRS));
+    Some((mean.sqrt(), error))
 }
 
 /// First row and end of each stretch in which no input moves.
@@ -218,18 +289,25 @@ pub fn autocorrelation_time(residual: &[f64], width: usize) -> f64 {
 
 /// rho at lags 0, 1, 2 ... in rows, up to the first pair of lags whose sum is not positive (Geyer's initial positive sequence).
 pub fn autocorrelation(residual: &[f64], width: usize) -> Vec<f64> {
+    core::iter::once(1.0).chain(pairs_of_lags(residual, width).flatten()).collect()
+}
+
+/// Whether a row of a residual says anything about the next ones.
+pub(crate) fn remembers(residual: &[f64], width: usize) -> bool {
+    let mut memory = 1.0;
+    pairs_of_lags(residual, width).any(|[odd, even]| {
+        memory += 2.0 * (odd + even);
+        memory >= NO_MEMORY
+    })
+}
+
+/// rho at lags 1 and 2, 3 and 4 ..., as far as their sums are positive.
+fn pairs_of_lags(residual: &[f64], width: usize) -> impl Iterator<Item = [f64; 2]> {
     let width = width.max(1);
-    let at = |lag: usize| dot(residual, residual.get(lag * width..).unwrap_or(&[]));
+    let at = move |lag: usize| dot(residual, residual.get(lag * width..).unwrap_or(&[]));
     let whole = at(0).max(f64::MIN_POSITIVE);
-    let mut rho = vec![1.0];
-    for lag in (1..(residual.len() / width / 4).min(MOST_LAGS)).step_by(2) {
-        let pair = [at(lag) / whole, at(lag + 1) / whole];
-        if pair[0] + pair[1] <= 0.0 {
-            break;
-        }
-        rho.extend(pair);
-    }
-    rho
+    let lags = (1..(residual.len() / width / 4).min(MOST_LAGS)).step_by(2);
+    lags.map(move |lag| [at(lag) / whole, at(lag + 1) / whole]).take_while(|[odd, even]| odd + even > 0.0)
 }
 
 const MOST_LAGS: usize = 2000;

@@ -19,6 +19,8 @@ pub struct Problem<'a> {
     pub block: Vec<usize>,
     /// How many blocks there are.
     pub n_blocks: usize,
+    /// None is shorter than this, s.
+    shortest_block_s: f64,
     /// Outputs with a weight, and loads.
     pub n_scored: usize,
     /// Standard deviation of a row's noise in the outputs' unit, which says how strongly known values draw a fit; zero: not at all.
@@ -54,7 +56,18 @@ impl<'a> Problem<'a> {
         }
         let n_scored = weight.iter().filter(|w| **w > 0.0).count();
         let (block, n_blocks) = blocks(&data, &weight, n_scored / width.max(1), shortest_block_s);
-        Self { machine, data, weight, block, n_blocks, n_scored, noise: 0.0, loads: None, beside: Vec::new() }
+        Self {
+            machine,
+            data,
+            weight,
+            block,
+            n_blocks,
+            shortest_block_s,
+            n_scored,
+            noise: 0.0,
+            loads: None,
+            beside: Vec::new(),
+        }
     }
 
     /// The same with the noise of a row, in the outputs' unit.
@@ -85,6 +98,14 @@ impl<'a> Problem<'a> {
     /// The loads, where they are scored.
     pub(crate) fn loads(&self) -> Option<&LoadRows> {
         self.loads.as_ref()
+    }
+
+    /// Whole seconds of such data that make enough blocks for a test of signs, one more than their blocks are long: a record of so many
+    /// seconds covers one row less.
+    pub(crate) fn needed_s(&self) -> f64 {
+        let n_rows = self.n_scored_outputs() / self.data.n_outputs.max(1);
+        let of_row_s = scored_time_s(&self.data) / n_rows.max(1) as f64;
+        (FEWEST_BLOCKS as f64 * self.shortest_block_s.max(of_row_s)).floor() + 1.0
     }
 
     /// Entries of a residual in each row: the outputs, and the loads where they are scored.

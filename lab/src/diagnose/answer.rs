@@ -19,7 +19,7 @@ pub enum Verdict {
     Partly,
     /// Something is missing that no known effect explains, nor two together; or the data do not suffice to say.
     Unknown,
-    /// The noise remembers too long for so few data.
+    /// The data are too short for a test: of joints what is left remembers too long, of others there are too few blocks of time.
     TooShort,
 }
 
@@ -43,6 +43,8 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// One sentence that says it.
     pub sentence: String,
+    /// How many seconds of such data a test needs, s; `None` unless they are too short.
+    pub needed_s: Option<f64>,
     /// What cannot be said with these data, each a sentence.
     pub cautions: Vec<String>,
     /// Unit of every error.
@@ -278,7 +280,7 @@ pub struct Remaining {
     pub p_value: f64,
     /// What it depends on most.
     pub looks_like: Option<&'static str>,
-    /// Share of the explainable variance that is left, 0 to 1.
+    /// Share of the explainable variance that is left, 0 to 1; where the floor is not known noise counts as explainable.
     pub unexplained: f64,
     /// Group by group.
     pub structure: Structure,

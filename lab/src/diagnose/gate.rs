@@ -9,9 +9,10 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
     let mut said = Vec::new();
     if in_blocks && problem.n_blocks < FEWEST_BLOCKS {
         said.push(format!(
-            "{:.0} s of data make {} independent blocks, and a calibrated test needs {FEWEST_BLOCKS}: record at least a minute",
+            "{:.0} s of data make {} independent blocks, and a calibrated test needs {FEWEST_BLOCKS}: record {:.0} s at least, better minutes",
             scored_time_s(data),
-            problem.n_blocks
+            problem.n_blocks,
+            problem.needed_s()
         ));
     }
     if let Some(cut_off_hz) = data.extra(CUT_OFF_HZ).and_then(<[f64]>::first) {

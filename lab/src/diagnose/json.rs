@@ -15,6 +15,7 @@ impl Diagnosis {
             "format": 2,
             "verdict": self.verdict.word(),
             "sentence": self.sentence,
+            "needed_s": self.needed_s,
             "cautions": self.cautions,
             "unit": self.unit,
             "noise_floor": self.noise_floor,

@@ -27,6 +27,7 @@ mod columns;
 mod experiment;
 mod findings;
 mod fine_shapes;
+mod floor;
 mod force_rest;
 mod gate;
 mod json;

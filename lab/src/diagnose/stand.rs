@@ -28,7 +28,7 @@ impl<'a> Case<'a> {
     /// The shapes to search beside, where the chosen effects leave something that no noise makes and that shapes make.
     pub(super) fn first_shapes(&self, start: &Trial, chosen: &Trial) -> Result<Option<Mixed>, LabError> {
         let [before, after] = [start, chosen].map(|own| self.error(own));
-        if self.hint.is_some() || !self.remaining(chosen, before, after, self.floor())?.structured {
+        if self.hint.is_some() || !self.remaining(chosen, before, after, &self.floor(chosen))?.structured {
             return Ok(None);
         }
         if self.is_snake() {
@@ -88,7 +88,7 @@ impl<'a> Case<'a> {
     fn is_made(&self, standing: &Standing) -> bool {
         let left = standing.left_rms * self.full.problem.machine.error_unit().1;
         let floors = self.beside.map_or(&self.floors, |(_, floors)| floors);
-        self.is_force() || self.floor_of(floors).is_some_and(|floor| left <= BEYOND_DOUBT * floor)
+        self.is_force() || self.least_of(floors).is_some_and(|floor| left <= BEYOND_DOUBT * floor)
     }
 
     pub(super) fn is_force(&self) -> bool {

@@ -5,13 +5,14 @@ use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, Loa
 use super::beside::Shapes;
 use super::calibration::{calibration, inseparable};
 use super::findings::{Findings, run};
+use super::floor::Floor;
 use super::mixture::Mixed;
 use super::rhythm::{Rhythm, rhythm};
 use super::screen::orthonormal;
 use super::search::{Search, Trial};
 use super::stand::Beside;
 use super::whole::DiagnoseOptions;
-use super::words::{sentence, state};
+use super::words::{sentence, state, too_short};
 use super::working::{tried_rows, working_rows};
 use super::{GroupShare, columns, experiment, force_rest, gate, lists, omitted, structure};
 use crate::cells::{Usable, load_cells};
@@ -22,10 +23,8 @@ use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
 use crate::read::scatter_before_filter;
 use crate::stage::stage;
-use crate::{LabError, Measurements, Problem, Term};
+use crate::{FEWEST_BLOCKS, LabError, Measurements, Problem, Term};
 
-/// Final error up to this ratio of the floor is the floor.
-const AT_FLOOR: f64 = 1.04;
 /// A rest of structure below this level is no chance.
 const LEVEL_OF_REST: f64 = 0.02;
 /// White noise cannot make an error of this ratio of the floor, whatever the test of structure sees.
@@ -160,17 +159,6 @@ impl Case<'_> {
         held_out_rms(problem, &trial.fit) * problem.machine.error_unit().1
     }
 
-    /// The floor in the unit of errors.
-    pub(super) fn floor(&self) -> Option<f64> {
-        self.floor_of(&self.floors)
-    }
-
-    pub(super) fn floor_of(&self, floors: &NoiseFloor) -> Option<f64> {
-        let problem = self.full.problem;
-        let whole = (problem.data.n_outputs as f64).sqrt() * problem.machine.error_unit().1;
-        floors.sigma().map(|(sigma, _)| sigma * whole)
-    }
-
     fn conclude(self, start: &Trial, mut chosen: Trial) -> Result<Diagnosis, LabError> {
         stage("How sure each effect is");
         let search = self.alone[0];
@@ -183,9 +171,8 @@ impl Case<'_> {
             None => self.error(&chosen),
             Some(_) => self.error(&search.fitted(chosen.found.clone(), &chosen.fit.effects)?),
         };
-        let sigma = self.floors.sigma();
-        let floor = self.floor();
-        let remaining = self.remaining(&chosen, before, after, floor)?;
+        let floor = self.floor(&chosen);
+        let remaining = self.remaining(&chosen, before, after, &floor)?;
         let known = self.known(&chosen)?;
         let effects = self.effects(&chosen, &prefixes, [before, after], &known)?;
         let doubtful: Vec<bool> = if remaining.structured {
@@ -196,6 +183,10 @@ impl Case<'_> {
         let verdict = match (remaining.structured, effects.is_empty()) {
             _ if self.hint.is_some() => Verdict::Unknown,
             (true, false) if doubtful.contains(&false) => Verdict::Partly,
+            // No test was possible: nobody knows whether something remains, or whether known effects explain it.
+            _ if problem.n_blocks < FEWEST_BLOCKS && (remaining.structured || !floor.is_reached(after)) => {
+                Verdict::TooShort
+            }
             (true, _) => Verdict::Unknown,
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
@@ -216,7 +207,8 @@ impl Case<'_> {
         cautions.extend(self.hidden_scale(&chosen, &known));
         cautions.extend(self.hint.clone());
         let mut terms = chosen.fit.effects.clone();
-        let (effects, partial) = if verdict == Verdict::Unknown {
+        let explained_share = floor.rms.filter(|_| !effects.is_empty()).map(|_| 1.0 - remaining.unexplained);
+        let (effects, partial) = if matches!(verdict, Verdict::Unknown | Verdict::TooShort) {
             (Vec::new(), effects)
         } else {
             let base = self.full.base.len();
@@ -230,8 +222,10 @@ impl Case<'_> {
         Ok(Diagnosis {
             sentence: match &self.hint {
                 Some(hint) => format!("the columns first: {hint}"),
-                None => sentence(verdict, &effects, &remaining, after, floor, unit),
+                None if verdict == Verdict::TooShort => too_short(problem),
+                None => sentence(verdict, &effects, &remaining, after, floor.rms, unit),
             },
+            needed_s: (verdict == Verdict::TooShort).then(|| problem.needed_s()),
             verdict,
             cautions,
             loads,
@@ -239,13 +233,13 @@ impl Case<'_> {
             model_free_rms: None,
             locked: None,
             unit: unit.to_owned(),
-            floor_relative_error: 0.0,
+            floor_relative_error: floor.relative_error,
             as_given_rms: problem.rms_of_outputs(dot(&as_given, &as_given)) * scale,
-            explained_share: (!effects.is_empty()).then_some(1.0 - remaining.unexplained),
+            explained_share,
             calibration: calibration(self.full.problem, &chosen.fit, n_own),
             calibrated: None,
-            noise_floor: floor,
-            floor_source: sigma.map_or("the data do not tell", |(_, source): (f64, FloorSource)| source.label()),
+            noise_floor: floor.rms,
+            floor_source: floor.source,
             base_heldout_rms: before,
             final_heldout_rms: after,
             effects,
@@ -396,7 +390,7 @@ impl Case<'_> {
         chosen: &Trial,
         before: f64,
         after: f64,
-        floor: Option<f64>,
+        floor: &Floor,
     ) -> Result<Remaining, LabError> {
         // Of the shape alone: what is left of the loads is said beside it.
         let slopes: Vec<Vec<f64>> =
@@ -415,10 +409,10 @@ impl Case<'_> {
                 .insert(0, GroupShare { name: "a rhythm in time that the motion does not have", share, p_value });
             structure.p_value = structure.p_value.min(p_value);
         }
-        let above = |rms: f64| (rms.powi(2) - floor.unwrap_or(0.0).powi(2)).max(0.0);
+        let above = |rms: f64| (rms.powi(2) - floor.rms.unwrap_or(0.0).powi(2)).max(0.0);
         let unexplained = if above(before) > 0.0 { (above(after) / above(before)).min(1.0) } else { 0.0 };
-        let at_floor = floor.is_some_and(|floor| after <= AT_FLOOR * floor);
-        let beyond_doubt = white && floor.is_some_and(|floor| after > BEYOND_DOUBT * floor);
+        let at_floor = floor.is_reached(after);
+        let beyond_doubt = white && floor.rms.is_some_and(|floor| after > BEYOND_DOUBT * floor);
         let foreseeable = structure.groups.first().is_some_and(|group| group.share > if white { 0.03 } else { 0.1 });
         let (_, scale) = problem.machine.error_unit();
         // A filter takes away what changes from row to row, so that what it leaves may be far above its floor and slow noise all the same.

@@ -2,6 +2,7 @@
 
 use super::answer::{FoundEffect, FoundParameter, Remaining, Verdict};
 use crate::machine::Candidate;
+use crate::{FEWEST_BLOCKS, Problem, scored_time_s};
 
 /// A list that leaves less of what was explainable explains it, if its values can be.
 const EXPLAINED: f64 = 0.02;
@@ -104,6 +105,7 @@ pub(super) fn sentence(
     floor: Option<f64>,
     unit: &str,
 ) -> String {
+    let is_known = floor.is_some();
     let floor =
         floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));
     let names = || named(effects, |_| String::new());
@@ -112,10 +114,11 @@ pub(super) fn sentence(
             format!("nothing is missing: an error of {after:.3} {unit} beside {floor} is the measurement's own")
         }
         Verdict::Partly => format!(
-            "partly: {} {} {:.0} % of what there was to explain; {after:.3} {unit} remain beside {floor}{}",
+            "partly: {} {} {:.0} % of {}; {after:.3} {unit} remain beside {floor}{}",
             names(),
             stand_and_take(effects.len()),
             100.0 * (1.0 - remaining.unexplained),
+            whole(is_known),
             remaining.looks_like.map_or(String::new(), |what| format!(", and the rest depends on {what}"))
         ) + &format!("; {}", sure(effects)),
         Verdict::Missing => format!(
@@ -130,11 +133,28 @@ pub(super) fn sentence(
         }
         _ => format!(
             "something is missing that no known effect, nor two together, explains: {after:.3} {unit} remain beside {floor}, \
-             {:.0} % of what there was to explain{}",
+             {:.0} % of {}{}",
             100.0 * remaining.unexplained,
+            whole(is_known),
             remaining.looks_like.map_or(String::new(), |what| format!("; it depends on {what}"))
         ),
     }
+}
+
+/// What shares are of: where the floor is not known noise is a part of it.
+fn whole(is_floor_known: bool) -> &'static str {
+    if is_floor_known { "what there was to explain" } else { "the mean square before, noise and all" }
+}
+
+/// What a test would need, of data that are too short for one.
+pub(super) fn too_short(problem: &Problem) -> String {
+    format!(
+        "too short to test: {:.0} s of data make {} independent blocks of the {FEWEST_BLOCKS} that a test needs; {:.0} s of such data \
+         are needed at least",
+        scored_time_s(&problem.data),
+        problem.n_blocks,
+        problem.needed_s()
+    )
 }
 
 /// A number in four digits.

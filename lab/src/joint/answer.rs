@@ -128,6 +128,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     Ok(Diagnosis {
         verdict,
         sentence,
+        needed_s: (verdict == Verdict::TooShort).then(|| needed_s(&found)),
         cautions,
         unit: unit.to_owned(),
         noise_floor: sigma,
@@ -227,6 +228,11 @@ fn disagreeing(own: &Found, options: &DiagnoseOptions) -> Vec<String> {
         )
     })
     .collect()
+}
+
+/// How long data must be for all joints, s.
+fn needed_s(found: &[Found]) -> f64 {
+    found.iter().filter_map(|own| own.needed_s).fold(0.0, f64::max)
 }
 
 /// One verdict of all joints.
@@ -470,7 +476,7 @@ fn sentence(said: &Said) -> String {
             )
         }
         Verdict::TooShort => {
-            let needed = said.found.iter().filter_map(|own| own.needed_s).fold(0.0, f64::max);
+            let needed = needed_s(said.found);
             format!(
                 "too short to test: what is left remembers so long that about {needed:.0} s of such data are needed"
             )

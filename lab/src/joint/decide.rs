@@ -21,6 +21,7 @@ use crate::diagnose::{
     DiagnoseOptions, Diagnosis, FormulaTerm, GroupShare, SAME, Structure, Verdict, rhythm, structure, working_rows,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
+use crate::noise;
 use crate::stage::stage;
 use crate::{LabError, Measurements, Problem, scored_time_s};
 use rayon::prelude::*;
@@ -217,7 +218,7 @@ impl Case<'_> {
             after = held_out(signal, &known, loss, &blocks, 3);
         }
         let at_floor = |mean_square: f64| {
-            floor.sigma.map(|sigma| mean_square.sqrt() <= sigma * (1.04 + 2.0 * floor.relative_error))
+            floor.sigma.map(|sigma| mean_square.sqrt() <= sigma * noise::at_floor(floor.relative_error))
         };
         let (mut structure, mut structured) =
             remaining(&problem, signal, &fit, &floor, at_floor(with_shapes), self.options.seed);

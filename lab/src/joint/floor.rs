@@ -3,7 +3,7 @@
 use super::refine::Fit;
 use super::signal::Signal;
 use crate::Problem;
-use crate::noise::{FloorSource, NoiseFloor, autocorrelation_time};
+use crate::noise::{FloorSource, NO_MEMORY, NoiseFloor, at_floor, autocorrelation_time, relative_error};
 use krait_model::joints::play;
 
 /// A floor with how well it is known.
@@ -28,7 +28,7 @@ const UNSEEN: f64 = 0.1;
 impl Floor {
     /// Whether an error lies so far above the floor that it is not the measurement's own, whether or not a test sees what it depends on.
     pub fn is_far_below(&self, rms: f64) -> bool {
-        let most = 1.04 + 2.0 * self.relative_error.hypot(UNSEEN);
+        let most = at_floor(self.relative_error.hypot(UNSEEN));
         !self.is_white && self.sigma.is_some_and(|sigma| rms > most * sigma)
     }
 }
@@ -42,8 +42,6 @@ const FEWEST_PAIRS: usize = 30;
 const MOST_PAIRS: usize = 200_000;
 /// Visits and differences disagree beyond this ratio: what does not repeat may be noise, or an effect that nobody has found.
 const DISAGREE: f64 = 2.0;
-/// A residual of a shorter memory, in rows, has none.
-const NO_MEMORY: f64 = 1.6;
 
 /// The floor, from what a fit leaves.
 pub(super) fn floor(signal: &Signal, problem: &Problem, fit: &Fit, held_out_rms: f64) -> Floor {
@@ -56,7 +54,7 @@ pub(super) fn floor(signal: &Signal, problem: &Problem, fit: &Fit, held_out_rms:
         // No floor lies above what a model reaches on data that it has not seen.
         let (sigma, source) =
             if sigma > held_out_rms { (held_out_rms, "the best held-out error") } else { (sigma, source) };
-        (Some(sigma), (0.5 / n.max(2.0)).sqrt(), source)
+        (Some(sigma), relative_error(n), source)
     };
     let fast = estimates.differences;
     let (sigma, relative_error, source) = match (estimates.sigma(), visits) {

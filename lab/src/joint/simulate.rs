@@ -160,9 +160,7 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
     let unit = |row: usize| (x[row] - middle) / (0.5 * s.range);
     match member.kind {
         Kind::Coupling(from) => vec![on_rows(&|row| s.inputs[from][row])],
-        Kind::Periodic => {
-            vec![on_rows(&|row| (TAU * own[row] / values[0]).sin()), on_rows(&|row| (TAU * own[row] / values[0]).cos())]
-        }
+        Kind::Periodic => waves(s, |row| TAU * own[row] / values[0]),
         Kind::BoucWen => {
             let (mut z, mut last) = (0.0, 0.0);
             let all: Vec<f64> = (0..x.len())
@@ -208,10 +206,7 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
             let wave = |n: usize| on_rows(&|row| (PI * n as f64 * row as f64 / s.n() as f64).cos());
             (1..=WAVES).map(wave).collect()
         }
-        Kind::Rhythm => {
-            let wave = |row: usize| (TAU * values[0] * s.time_s[row]).sin_cos();
-            vec![on_rows(&|row| wave(row).0), on_rows(&|row| wave(row).1)]
-        }
+        Kind::Rhythm => waves(s, |row| TAU * values[0] * s.time_s[row]),
         Kind::Own(own) => {
             let column = |amplitude: usize| on_rows(&|row| s.formula(own, row, x, amplitude, values));
             (0..member.kind.n_linear()).map(column).collect()
@@ -226,6 +221,12 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
         }
         _ => Vec::new(),
     }
+}
+
+/// Sine and cosine of an angle, rad, on the rows of the loss.
+fn waves(s: &Signal, angle_rad: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
+    let (sines, cosines) = s.rows.iter().map(|&row| angle_rad(row).sin_cos()).unzip();
+    vec![sines, cosines]
 }
 
 fn with_memory(s: &Signal, x: &[f64], step: impl Fn(f64, f64, f64) -> f64) -> Vec<f64> {

@@ -7,26 +7,26 @@ use krait_model::model_file::ModelFile;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-const NOISE_RAD: f64 = 0.005;
+pub const NOISE_RAD: f64 = 0.005;
 const ROWS: usize = 2400;
 
 const MODEL: &str = "format = 1\n[machine]\nkind = \"snake\"\n";
 
-fn lab() -> SnakeLab {
+pub fn lab() -> SnakeLab {
     SnakeLab::new(&ModelFile::parse(MODEL).unwrap()).unwrap()
 }
 
-fn term(name: &str, values: &[f64]) -> Term {
+pub fn term(name: &str, values: &[f64]) -> Term {
     Term::new(name, values.to_vec())
 }
 
 /// Loops in planes that turn, with rests; 20 rows a second.
-fn motion() -> Measurements {
+pub fn motion() -> Measurements {
     motion_of(ROWS, 1)
 }
 
 /// The same with so many rows in so many trials.
-fn motion_of(n_rows: usize, n_trials: usize) -> Measurements {
+pub fn motion_of(n_rows: usize, n_trials: usize) -> Measurements {
     let mut inputs = Vec::new();
     for k in 0..n_rows {
         let t = k as f64 / 20.0;
@@ -68,7 +68,7 @@ fn made(hidden: &[Term], seed: u64) -> Measurements {
 }
 
 /// The same on any motion.
-fn made_on(mut data: Measurements, hidden: &[Term], seed: u64) -> Measurements {
+pub fn made_on(mut data: Measurements, hidden: &[Term], seed: u64) -> Measurements {
     data.outputs = vec![0.0; 2 * data.n_rows()];
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
@@ -83,7 +83,7 @@ fn adding(name: &str, value: f64, refit: Vec<(String, String)>) -> AddOptions {
     AddOptions { term: term(name, &[value]), from_given: false, free: Vec::new(), refit, recordings: Vec::new() }
 }
 
-fn diagnosed(data: &Measurements) -> Diagnosis {
+pub fn diagnosed(data: &Measurements) -> Diagnosis {
     diagnose(&lab(), data, &DiagnoseOptions::default()).unwrap()
 }
 

@@ -347,7 +347,7 @@ proptest! {
 /// A joint by textbook laws: inertia, weight, dry and viscous friction, sticking, friction of the loaded gear, drag of a fluid that
 /// swirls; offset and noise.
 #[derive(Default)]
-struct TextbookJoint {
+pub struct TextbookJoint {
     inertia: f64,
     weight: f64,
     dry: f64,
@@ -359,7 +359,7 @@ struct TextbookJoint {
 
 impl TextbookJoint {
     /// 80 s at 100 Hz on four sines, as a CSV file.
-    fn csv(&self, seed: u64) -> String {
+    pub fn csv(&self, seed: u64) -> String {
         let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
         let mut uniform = || {
             state ^= state << 13;
@@ -393,7 +393,7 @@ impl TextbookJoint {
     }
 }
 
-fn of_force(name: &str, text: &str) -> Diagnosis {
+pub fn of_force(name: &str, text: &str) -> Diagnosis {
     let path = file(name, text);
     let found = proposed(&path);
     assert_eq!(found.kind, "force", "{}", found.machine);

@@ -24,3 +24,4 @@ mod second_log;
 mod segments;
 mod tip;
 mod uneven_joints;
+mod verdict;
