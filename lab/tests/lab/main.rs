@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
-mod answer;
 mod compare;
 mod diagnose;
 mod experiment;
@@ -20,8 +19,9 @@ mod read_csv;
 mod read_recording;
 mod real;
 mod report;
+mod report_json;
 mod second_log;
 mod segments;
 mod tip;
-mod uneven;
+mod uneven_joints;
 mod verdict;
