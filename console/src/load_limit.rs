@@ -66,7 +66,7 @@ impl AtLimit {
             },
             Self::Foretold => Words {
                 level: Level::Warn,
-                say: "The model foretells too large a load.",
+                say: "The model foretells an overload.",
                 todo: "Steer back.",
                 banner: "Too large a load by the model \u{2013} steer back.",
             },

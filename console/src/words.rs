@@ -23,7 +23,7 @@ pub enum Level {
 pub struct Words {
     /// How much it matters.
     pub level: Level,
-    /// One short sentence.
+    /// One short sentence of at most 32 characters: it has one line of the banner at every width, readable at two metres.
     pub say: &'static str,
     /// What to do about it; empty where there is nothing to do.
     pub todo: &'static str,
@@ -41,12 +41,10 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::SlaveNotEnabled => {
             words(Hold, "The drives may not move.", "Enable or resume when the field is clear.", "")
         }
-        Reason::SlaveNotHomed => {
-            words(Hold, "The drives have not found their zero.", "Home them, or wait until they have.", "")
-        }
+        Reason::SlaveNotHomed => words(Hold, "The drives have no zero yet.", "Home them, or wait until they have.", ""),
         Reason::InputEnded => words(Hold, "The input has come to its end.", "Start another one, or end the run.", ""),
-        Reason::EasingIn => words(Info, "Easing in from where the drives are.", "", ""),
-        Reason::ModelBlending => words(Info, "The model is being changed smoothly.", "", ""),
+        Reason::EasingIn => words(Info, "The motion eases in.", "It begins where the drives are.", ""),
+        Reason::ModelBlending => words(Info, "The model changes smoothly.", "", ""),
         Reason::BendLimit => {
             words(Warn, "Largest bend reached.", "Steer back to go on.", "Largest bend reached \u{2013} steer back.")
         }
@@ -70,7 +68,7 @@ pub fn words_of(reason: Reason) -> Words {
         ),
         Reason::ForceLimit => words(
             Warn,
-            "A line carries the largest load.",
+            "A line is at its largest load.",
             "Steer back to unload it.",
             "Largest load of a line \u{2013} steer back.",
         ),
@@ -81,7 +79,7 @@ pub fn words_of(reason: Reason) -> Words {
             "It can hardly move in that direction.",
         ),
         Reason::HandJumped => words(Warn, "The hand\u{2019}s pose jumped.", "Let go, then take hold anew.", ""),
-        Reason::FormulaFault => words(Warn, "A formula of the model has no value.", "Mend the model file.", ""),
+        Reason::FormulaFault => words(Warn, "A formula has no value.", "Mend the model file.", ""),
         Reason::DeviceLost => words(Warn, "The hand controller is lost.", "Check its plug.", ""),
         Reason::ShapeStale => words(
             Warn,
@@ -101,50 +99,47 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::FollowingError => words(Fault, "The drives do not follow.", "Check the actuators.", ""),
         Reason::CommandStale => words(Fault, "Commands stopped coming.", "The drives hold by themselves.", ""),
         Reason::StateStale => words(Fault, "The drives do not report.", "Look at the robot.", ""),
-        Reason::InputStale => words(Fault, "The operator\u{2019}s input is too old.", "See Latency.", ""),
+        Reason::InputStale => words(Fault, "The hand\u{2019}s input is too old.", "See Latency.", ""),
         Reason::SetpointStale => words(Fault, "The setpoint is too old.", "See Latency.", ""),
-        Reason::StepLimit => words(Fault, "A command leapt and was refused.", "", ""),
+        Reason::StepLimit => words(Fault, "A command leapt.", "It was refused; see Latency.", ""),
         Reason::NotEngaged => words(Hold, "Let go, then take hold anew.", "Nothing moves before that.", ""),
-        Reason::ChainStalled => words(Warn, "The way to the drives stood still.", "Let go, then take hold anew.", ""),
+        Reason::ChainStalled => words(Warn, "Nothing reached the drives.", "Let go, then take hold anew.", ""),
         Reason::StageRestarted => words(Warn, "A process began anew.", "Let go, then take hold anew.", ""),
         Reason::ModelExchanged => words(Info, "The model was exchanged.", "Let go, then take hold anew.", ""),
         Reason::StopAsked => words(Hold, "A stop was asked for.", "Resume when the field is clear.", ""),
         Reason::Relaxing => words(Warn, "The lines are being relaxed.", "Keep clear; a stop ends it.", ""),
         Reason::LoadUnknown => words(Warn, "A line\u{2019}s load is not measured.", "Its limit cannot be kept.", ""),
         Reason::CommandLate => words(Warn, "A command came too late.", "It was not executed; see Latency.", ""),
-        Reason::ActuatorAccelerationLimit => words(
-            Info,
-            "An actuator changes speed no faster.",
-            "The motion is softened to its largest acceleration.",
-            "",
-        ),
+        Reason::ActuatorAccelerationLimit => {
+            words(Info, "The acceleration is limited.", "The motion is softened to its largest acceleration.", "")
+        }
         Reason::ActuatorJerkLimit => {
-            words(Info, "An actuator starts and brakes no harder.", "The motion is softened to its largest jerk.", "")
+            words(Info, "The jerk is limited.", "The motion is softened to its largest jerk.", "")
         }
         Reason::JointLimit => words(
             Warn,
-            "A joint is at the end of its range.",
+            "A joint is at its range\u{2019}s end.",
             "Steer back to go on.",
             "End of a joint\u{2019}s range \u{2013} steer back.",
         ),
         Reason::JointUnreachable => words(
             Warn,
-            "No command brings a joint there.",
+            "A joint cannot get there.",
             "By the model; it gets the nearest one.",
             "A joint cannot reach that \u{2013} steer back.",
         ),
         Reason::ModelMismatch => {
-            words(Warn, "The measured shape is off the model.", "Look at the camera and the model.", "")
+            words(Warn, "The shape is off the model.", "It is measured; look at camera and model.", "")
         }
         Reason::MismatchTrip => {
-            words(Fault, "The measured shape is far off the model.", "Look at camera and model; start anew.", "")
+            words(Fault, "The shape is far off the model.", "Look at camera and model; start anew.", "")
         }
         Reason::OtherModel => {
-            words(Fault, "Two processes mean different machines.", "Start all with one model; see Latency.", "")
+            words(Fault, "Processes mean two machines.", "Start all with one model; see Latency.", "")
         }
-        Reason::NotFinite => words(Fault, "A message without a number was refused.", "See Latency.", ""),
-        Reason::OutOfRange => words(Fault, "A message out of range was refused.", "See Latency.", ""),
-        Reason::OutOfOrder => words(Fault, "A message out of order was refused.", "See Latency.", ""),
+        Reason::NotFinite => words(Fault, "A message lacked a number.", "It was refused; see Latency.", ""),
+        Reason::OutOfRange => words(Fault, "A message was out of range.", "It was refused; see Latency.", ""),
+        Reason::OutOfOrder => words(Fault, "A message was out of order.", "It was refused; see Latency.", ""),
     }
 }
 
@@ -281,7 +276,7 @@ mod tests {
                     && text.ends_with(['.', '!'])
                     && !text.contains("  ")
             };
-            assert!(is_sentence(say) && say.chars().count() <= 40, "{reason:?}: {say}");
+            assert!(is_sentence(say) && say.chars().count() <= 32, "{reason:?}: {say}");
             assert!(todo.is_empty() || is_sentence(todo) && todo.chars().count() <= 56, "{reason:?}: {todo}");
             assert!(banner.is_empty() || is_sentence(banner) && banner.chars().count() <= 48, "{reason:?}: {banner}");
             let name = serde_json::to_value(level).expect("a word");

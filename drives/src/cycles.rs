@@ -227,8 +227,7 @@ impl<B: ActuatorBus> Cycles<B> {
     fn approach_wish(&mut self) {
         let (n, period_s) = (self.setup.n(), self.period_s());
         let way_m: Actuators = core::array::from_fn(|k| if k < n { self.wish.q_m[k] - self.goal_m[k] } else { 0.0 });
-        let longest_m = largest(way_m);
-        if longest_m == 0.0 {
+        if largest(way_m) == 0.0 {
             // Between two wishes of a motion, one cycle may find none; two in a row are a rest.
             self.n_unmoved = self.n_unmoved.saturating_add(1);
             if self.n_unmoved > 1 {
@@ -236,19 +235,24 @@ impl<B: ActuatorBus> Cycles<B> {
             }
             return;
         }
-        let most_m = self.setup.rate_m_per_s * period_s;
-        if longest_m <= most_m * ROUNDING {
+        let part = self.part_within_rates(way_m, period_s);
+        if part * ROUNDING >= 1.0 {
             self.goal_m = self.wish.q_m;
         } else {
             for (goal_m, way_m) in self.goal_m.iter_mut().zip(way_m) {
-                *goal_m += way_m * (most_m / longest_m);
+                *goal_m += way_m * part;
             }
         }
         let took_s = if self.n_unmoved == 1 { 2.0 * period_s } else { period_s };
-        let fastest_m_per_s = longest_m / took_s;
-        let part = (self.setup.rate_m_per_s / fastest_m_per_s).min(1.0);
+        let part = self.part_within_rates(way_m, took_s).min(1.0);
         self.velocity_m_per_s = way_m.map(|way| way / took_s * part);
         self.n_unmoved = 0;
+    }
+
+    /// The part of a way that takes no actuator further in a time than its rate; more than 1 where there is room. The way is not nothing.
+    fn part_within_rates(&self, way_m: Actuators, time_s: f64) -> f64 {
+        let parts = way_m.iter().zip(self.setup.rates_m_per_s).map(|(way_m, rate)| rate * time_s / way_m.abs());
+        parts.fold(f64::INFINITY, f64::min)
     }
 
     fn period_s(&self) -> f64 {

@@ -3,7 +3,7 @@
 use crate::OpenError;
 use crate::bus::PerActuator;
 use crate::units::Units;
-use krait_slave::{DriveMode, DriveTraits, OnFault, RelaxLimits, SlaveConfig};
+use krait_slave::{Actuators, DriveMode, DriveTraits, OnFault, RelaxLimits, SlaveConfig};
 
 /// Everything that is fixed while a drive runs.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,8 +16,8 @@ pub struct BusSetup {
     pub(crate) exchange_ns: i64,
     pub(crate) lost_cycles: u32,
     pub(crate) wish_ns: i64,
-    /// Fastest that the slave lets any actuator go.
-    pub(crate) rate_m_per_s: f64,
+    /// Fastest that the slave lets each actuator go.
+    pub(crate) rates_m_per_s: Actuators,
     pub(crate) deceleration_m_per_s2: f64,
     pub(crate) speed_counts_per_s: f64,
     pub(crate) mode: DriveMode,
@@ -60,7 +60,7 @@ impl BusSetup {
             exchange_ns,
             lost_cycles: drive.lost_cycles,
             wish_ns: (drive.wish_ms * 1e6) as i64,
-            rate_m_per_s: config.limits.rate_m_per_s,
+            rates_m_per_s: config.rates_m_per_s(),
             deceleration_m_per_s2: config.deceleration_m_per_s2,
             speed_counts_per_s: drive.speed_counts_per_s,
             mode: drive.mode,

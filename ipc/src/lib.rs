@@ -40,6 +40,7 @@ mod realtime;
 mod reasons;
 pub mod setting;
 mod shared_words;
+mod standing;
 mod stop;
 mod writer;
 
@@ -56,5 +57,6 @@ pub use reader::{ReadOptions, Reader, Received, WaitMode};
 pub use realtime::{Beside, Cores, Realtime, RealtimeError, allowed_cores, lock_what_is_used, may_lock_all, set_slice};
 pub use reasons::{Reason, Reasons};
 pub use shared_words::SharedWords;
+pub use standing::Standing;
 pub use stop::StopSwitch;
 pub use writer::Writer;

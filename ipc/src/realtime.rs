@@ -289,7 +289,7 @@ fn set_fifo(priority: u8, highest: u8) -> Result<(), String> {
 }
 
 /// The scheduling policy and priority of the calling thread.
-fn set_policy(policy: libc::c_int, priority: u8) -> std::io::Result<()> {
+pub(crate) fn set_policy(policy: libc::c_int, priority: u8) -> std::io::Result<()> {
     let wanted = libc::sched_param { sched_priority: libc::c_int::from(priority) };
     #[allow(unsafe_code)]
     // SAFETY: the call reads the structure that it is given and changes nothing but the scheduling of this thread.

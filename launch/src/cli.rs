@@ -69,7 +69,7 @@ pub enum Verb {
     Devices(DevicesArgs),
     /// The actuators on this machine's serial buses; their zeros, single steps, directions, and an emulated bus to try krait without any.
     #[command(
-        after_help = "Examples:\n  krait drives\n  krait drives --watch\n  krait drives --zero --config krait.toml\n  krait drives --jog 1 --config krait.toml\n  krait drives --calibrate --config krait.toml --out calibrated.toml\n  krait drives --emulate 3"
+        after_help = "Examples:\n  krait drives\n  krait drives --watch\n  krait drives --zero --config krait.toml --out zeroed.toml\n  krait drives --jog 1 --config krait.toml\n  krait drives --calibrate --config krait.toml --out calibrated.toml\n  krait drives --emulate 3"
     )]
     Drives(DrivesArgs),
     /// The paper's tables and figures again, beside the printed values, and its errors with the numbers that show them.

@@ -22,20 +22,20 @@ pub struct DrivesArgs {
     /// Show positions, loads and temperatures anew twice a second, until Ctrl-C.
     #[arg(long, conflicts_with_all = ["zero", "jog", "emulate"])]
     pub watch: bool,
-    /// Print the count of each configured actuator, as its zero_count where lines or joints are now. Drives on CAN whose
+    /// Find the count of each configured actuator, which is its zero_count where lines or joints are now. Drives on CAN whose
     /// encoders forget get their zero_count there (CiA 402, method 37): under power for a moment, without motion. Servos with `homing`
     /// go to their mechanical stop first, after a yes that is typed.
-    #[arg(long, conflicts_with_all = ["jog", "emulate"])]
+    #[arg(long, group = "finds", conflicts_with_all = ["jog", "emulate"])]
     pub zero: bool,
     /// Move one configured actuator, numbered from 1: each line on standard input is one step, `-` goes back.
     #[arg(long, value_name = "ACTUATOR", conflicts_with = "emulate")]
     pub jog: Option<usize>,
     /// Find which way each configured actuator pulls, by moves of at most 0.5 mm either way against the tension of the lines, and
     /// compare it with its `sign`.
-    #[arg(long, conflicts_with_all = ["zero", "jog", "watch", "emulate"])]
+    #[arg(long, group = "finds", conflicts_with_all = ["zero", "jog", "watch", "emulate"])]
     pub calibrate: bool,
-    /// With --calibrate: write the configuration with the signs that were found, all else as it was.
-    #[arg(long, value_name = "FILE", requires = "calibrate")]
+    /// With --zero or --calibrate: write the configuration with the zeros or signs that were found, all else of its text as it was.
+    #[arg(long, value_name = "FILE", requires = "finds")]
     pub out: Option<PathBuf>,
     /// Overwrite that file.
     #[arg(long, requires = "out")]

@@ -153,6 +153,9 @@ pub struct DiagnoseArgs {
     /// A number of the model's own that is not held: EFFECT.PARAMETER or machine.KEY, again for each.
     #[arg(long, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
     pub free: Vec<(String, String)>,
+    /// A model file of the same machine whose formulas take part beside the library's effects.
+    #[arg(long, value_name = "FILE")]
+    pub effects: Option<PathBuf>,
     /// At most so many effects are sought together.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=5))]
     pub max_effects: u8,

@@ -8,7 +8,7 @@ use crate::source::sleep_until;
 use crate::spacenavd::SpacenavHost;
 use crate::{DeviceChoice, MasterError, Plug, Profile, RawReport, ReportSource, SourceEvent};
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded};
-use krait_ipc::clock;
+use krait_ipc::{Standing, clock};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, Ordering};
@@ -23,7 +23,7 @@ const QUEUE: usize = 256;
 const READ_TIMEOUT: Duration = Duration::from_millis(50);
 /// Pause between two searches for a device that was unplugged. A search takes 13 to 260 ms of one core.
 const SEARCH_PAUSE: Duration = Duration::from_millis(500);
-/// Pause before the first search, so that a search on the same core does not delay the end of the motion.
+/// Pause after a loss was told, before anything else is done about it, so that nothing on the same core delays the end of the motion.
 const TOLD_PAUSE: Duration = Duration::from_millis(20);
 
 /// Reads a live device.
@@ -122,8 +122,9 @@ impl HidSource {
         let shared = Arc::new(Shared { lights: Lights::default().bits().into(), ..Shared::default() });
         let vid_pid = opened.vid_pid;
         let choice = choice.clone();
+        let (oldest, standing) = (events.clone(), Standing::of_this_thread());
         let reader =
-            Reader { events: sender, oldest: events.clone(), shared: Arc::clone(&shared), host, choice, pause, wake };
+            Reader { events: sender, oldest, shared: Arc::clone(&shared), host, choice, pause, wake, standing };
         let thread = std::thread::Builder::new()
             .name("krait-hid".to_owned())
             .spawn(move || reader.run(opened))
@@ -176,6 +177,16 @@ impl Drop for HidSource {
     }
 }
 
+/// Why a device is not read any more.
+enum ReadEnd {
+    /// The source is closed.
+    Stopped,
+    /// Its user has given it back.
+    GivenBack,
+    /// It is gone, in the words of the system.
+    Gone(String),
+}
+
 struct Reader {
     events: Sender<SourceEvent>,
     // The same queue from the other end: where it is full, the oldest makes room for the newest.
@@ -186,25 +197,41 @@ struct Reader {
     pause: Duration,
     // Wakes whoever waits for several devices at once.
     wake: Option<Sender<()>>,
+    // That of the process, which waits for what is read here.
+    standing: Standing,
 }
 
 impl Reader {
     fn run(mut self, mut opened: OpenPort) {
         loop {
-            let is_given_back = self.read_until_gone(&mut opened);
-            if self.is_stopped() {
-                opened.port.rest_lights();
-                return;
+            if let Err(error) = self.standing.take() {
+                tracing::warn!(%error, "the thread that reads the hand controller is not given the priority of its process");
             }
-            if is_given_back {
-                self.push(SourceEvent::GivenBack);
-                opened.port.rest_lights();
-                tracing::warn!(
-                    "the hand controller was given back by its key; nothing moves, and it is taken again only by another start"
-                );
-                return;
+            match self.read_until_gone(&mut opened) {
+                ReadEnd::Stopped => {
+                    opened.port.rest_lights();
+                    return;
+                }
+                ReadEnd::GivenBack => {
+                    self.push(SourceEvent::GivenBack);
+                    opened.port.rest_lights();
+                    tracing::warn!(
+                        "the hand controller was given back by its key; nothing moves, and it is taken again only by another start"
+                    );
+                    return;
+                }
+                ReadEnd::Gone(source_text) => {
+                    self.tell(Plug::Out);
+                    // What follows is slow.
+                    if let Err(error) = self.standing.leave() {
+                        tracing::debug!(%error, "the priority stays");
+                    }
+                    std::thread::park_timeout(TOLD_PAUSE.min(self.pause));
+                    let (vendor_id, product_id) = opened.vid_pid;
+                    let device = format_args!("{vendor_id:04x}:{product_id:04x}");
+                    tracing::warn!(%device, %source_text, "the hand controller was lost; looking for it");
+                }
             }
-            self.tell(Plug::Out);
             drop(opened);
             match self.search() {
                 Some(found) => opened = found,
@@ -214,9 +241,8 @@ impl Reader {
         }
     }
 
-    /// True if the device's user has given it back.
-    fn read_until_gone(&self, opened: &mut OpenPort) -> bool {
-        let (port, (vendor_id, product_id)) = (opened.port.as_mut(), opened.vid_pid);
+    fn read_until_gone(&self, opened: &mut OpenPort) -> ReadEnd {
+        let port = opened.port.as_mut();
         let mut buffer = [0_u8; RawReport::MAX_BYTES];
         let mut shown = None;
         while !self.is_stopped() {
@@ -230,26 +256,21 @@ impl Reader {
                     let report = RawReport::clipped(&buffer[..n_bytes.min(RawReport::MAX_BYTES)]);
                     self.push(SourceEvent::HidReport { device: HAND, stamp_ns: clock::monotonic_ns(), report });
                 }
-                Err(ReadFailure::Gone(source_text)) => {
-                    let device = format_args!("{vendor_id:04x}:{product_id:04x}");
-                    tracing::warn!(%device, %source_text, "the hand controller was lost; looking for it");
-                    return false;
-                }
+                Err(ReadFailure::Gone(source_text)) => return ReadEnd::Gone(source_text),
                 Err(ReadFailure::Dropped) => {
-                    tracing::warn!("the kernel has dropped events of the hand controller; presence must be given anew");
                     self.tell(Plug::Out);
                     self.tell(Plug::In);
+                    tracing::warn!("the kernel has dropped events of the hand controller; presence must be given anew");
                 }
-                Err(ReadFailure::GivenBack) => return true,
+                Err(ReadFailure::GivenBack) => return ReadEnd::GivenBack,
             }
         }
-        false
+        ReadEnd::Stopped
     }
 
     /// Looks for the device again and again. There is no device to be read meanwhile, so its slowness delays nothing. A
     /// refusal for want of permission is tried again too: udev sets permissions a little after the node appears.
     fn search(&mut self) -> Option<OpenPort> {
-        std::thread::park_timeout(TOLD_PAUSE.min(self.pause));
         while !self.is_stopped() {
             match self.host.open(&self.choice) {
                 Ok(opened) => return Some(opened),

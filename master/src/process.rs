@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Reads a source and publishes [`OperatorInput`] on its channel until `stop` is set.
 ///
-/// A report is published at once, at most one between two ticks; the tick comes at `rate_hz` besides. A recording or script
+/// A report is published at once, and so is a loss, at most one of each between two ticks; the tick comes at `rate_hz` besides. A recording or script
 /// begins when the slave is ready (or at once, see [`MasterConfig::start_when_ready`]); before that the inputs carry no
 /// motion. After its end, and while a device is lost, inputs go on without motion.
 ///
@@ -104,7 +104,7 @@ impl Master {
             self.begin_when_ready(now_ns)?;
             self.take_events(now_ns)?;
             let n_before = ticker.n_ticks();
-            if ticker.is_due(now_ns, self.device_ns.is_some() || self.has_loss) {
+            if ticker.is_due(now_ns, self.device_ns.is_some(), self.has_loss) {
                 self.publish(now_ns)?;
                 self.health.publish_if_due(now_ns)?;
                 self.show(ticker.n_ticks() - n_before)?;

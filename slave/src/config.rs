@@ -118,6 +118,7 @@ impl SlaveConfig {
         let l = &self.limits;
         l.check()?;
         self.drive.check()?;
+        self.check_own_limits()?;
         let table = Limits::TABLE;
         let fastest = l.acceleration_m_per_s2;
         check((table, "acceleration_m_per_s2"), fastest, (self.deceleration_m_per_s2, 1000.0), 20)?;

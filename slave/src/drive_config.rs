@@ -141,6 +141,12 @@ settings! {
         travel_m: f64 = 0.006, 1e-4..=0.1;
         /// Largest torque, part of the servo's own, or of the drive's rated one (object 6072).
         torque_limit: f64 = 0.5, 0.01..=1.0;
+        /// Its own limit of `rate_m_per_s` of [slave.limits], m/s, at most that of all; that is its limit where it has none of its own.
+        rate_m_per_s: Option<f64> = None;
+        /// The same of `acceleration_m_per_s2`, m/s2; at least `deceleration_m_per_s2`, so that a stop is the same for all.
+        acceleration_m_per_s2: Option<f64> = None;
+        /// Its own limit of load, pull or push, N, at most `pull_n` and `push_n` (of a jaw's wire `jaw_n`). Where loads are measured.
+        load_n: Option<f64> = None;
         /// Torque per current, N m/A; then loads are estimated from the current, with tens of percent of error. 0: not measured.
         newton_metre_per_ampere: f64 = 0.0, 0.0..=100.0;
         /// "sts3215": how `krait drives --zero` finds its zero: { method = "stop_by_load", direction = "push" or "pull", load_n,

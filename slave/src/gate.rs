@@ -6,8 +6,8 @@
 //! leap. A command that the limits allow is written as it came. One that they do not allow is approached: as fast as its
 //! forecast, and faster by what is left over a time constant, so that the approach ends without swinging past it.
 //!
-//! where: the actuators change by one common factor, so that the direction of the change stays; velocity is the step
-//! over the credited time. Rate wins over acceleration, acceleration over jerk.
+//! where: the actuators change by one common factor, so that the direction of the change stays: that of the actuator furthest beyond
+//! its own limit; velocity is the step over the credited time. Rate wins over acceleration, acceleration over jerk.
 //!
 //! Failure: drives that were not written for [`REST_NS`] have come to rest by themselves; the motion begins anew.
 
@@ -32,12 +32,12 @@ const REST_M_PER_S: f64 = 1e-9;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GateLimits {
     /// Speed of each actuator, m/s.
-    pub rate_m_per_s: f64,
+    pub rate_m_per_s: Actuators,
     /// Acceleration of each actuator, m/s^2.
-    pub acceleration_m_per_s2: f64,
+    pub acceleration_m_per_s2: Actuators,
     /// Jerk of each actuator, m/s^3.
     pub jerk_m_per_s3: f64,
-    /// Deceleration of a motion that nobody commands any more, m/s^2.
+    /// Deceleration of a motion that nobody commands any more, m/s^2; at most each acceleration.
     pub deceleration_m_per_s2: f64,
 }
 
@@ -45,8 +45,8 @@ impl GateLimits {
     /// Those of a checked configuration.
     pub(crate) fn of(config: &SlaveConfig) -> Self {
         Self {
-            rate_m_per_s: config.limits.rate_m_per_s,
-            acceleration_m_per_s2: config.limits.acceleration_m_per_s2,
+            rate_m_per_s: config.rates_m_per_s(),
+            acceleration_m_per_s2: config.accelerations_m_per_s2(),
             jerk_m_per_s3: config.limits.jerk_m_per_s3,
             deceleration_m_per_s2: config.deceleration_m_per_s2,
         }
@@ -93,6 +93,11 @@ impl Gate {
         self.q_m
     }
 
+    /// The fastest that each actuator may go, m/s.
+    pub fn rates_m_per_s(&self) -> Actuators {
+        self.limits.rate_m_per_s
+    }
+
     /// When the drives were last written, ns; 0: never.
     pub fn written_ns(&self) -> i64 {
         self.written_ns
@@ -136,11 +141,11 @@ impl Gate {
             return Write { q_m: target_m, velocity_m_per_s: exact_m_per_s, credit_s, from };
         }
         let left_m: Actuators = core::array::from_fn(|i| way_m[i] - forecast_m_per_s[i] * credit_s);
-        let distance_m = largest(left_m);
-        let braking = self.limits.acceleration_m_per_s2.sqrt() / distance_m.sqrt().max(f64::MIN_POSITIVE);
-        let per_s = (1.0 / CATCH_UP_S).min(braking);
+        let braking = self.limits.acceleration_m_per_s2.iter().zip(left_m);
+        let braking = braking.map(|(limit, left)| limit.sqrt() / left.abs().sqrt().max(f64::MIN_POSITIVE));
+        let per_s = braking.fold(1.0 / CATCH_UP_S, f64::min);
         let wanted = core::array::from_fn(|i| forecast_m_per_s[i] + left_m[i] * per_s);
-        self.step(shortened(wanted, self.limits.rate_m_per_s), from, credit_s)
+        self.step(shortened(wanted, &self.limits.rate_m_per_s), from, credit_s)
     }
 
     /// The write that brakes a motion which nobody commands any more; `None` when there is none.
@@ -211,12 +216,12 @@ impl Gate {
         let acceleration = minus(velocity, from.velocity_m_per_s).map(|change| change / credit_s);
         let jerk = minus(acceleration, from.acceleration_m_per_s2).map(|change| change / credit_s);
         let checks = [
-            (Reason::ActuatorRateLimit, largest(velocity), self.limits.rate_m_per_s),
-            (Reason::ActuatorAccelerationLimit, largest(acceleration), self.limits.acceleration_m_per_s2),
-            (Reason::ActuatorJerkLimit, largest(jerk), self.limits.jerk_m_per_s3),
+            (Reason::ActuatorRateLimit, furthest(&velocity, &self.limits.rate_m_per_s)),
+            (Reason::ActuatorAccelerationLimit, furthest(&acceleration, &self.limits.acceleration_m_per_s2)),
+            (Reason::ActuatorJerkLimit, (largest(jerk), self.limits.jerk_m_per_s3)),
         ];
         let mut all = true;
-        for (reason, found, limit) in checks {
+        for (reason, (found, limit)) in checks {
             if found > limit * (1.0 + ROUNDING) {
                 findings.note(reason, found, limit);
                 all = false;
@@ -227,8 +232,7 @@ impl Gate {
 
     /// The part of a change of velocity that stays within the rate, 0 to 1.
     fn part_within_rate(&self, velocity: &Actuators, change: &Actuators) -> f64 {
-        let rate = self.limits.rate_m_per_s;
-        velocity.iter().zip(change).fold(1.0, |part: f64, (v, dv)| {
+        velocity.iter().zip(change).zip(self.limits.rate_m_per_s).fold(1.0, |part: f64, ((v, dv), rate)| {
             if (v + dv).abs() <= rate { part } else { part.min(((rate.copysign(*dv) - v) / dv).clamp(0.0, 1.0)) }
         })
     }
@@ -236,9 +240,9 @@ impl Gate {
     /// A step towards a velocity that is within the rate, as far as acceleration and jerk allow.
     fn step(&self, wanted: Actuators, from: Motion, credit_s: f64) -> Write {
         let change = minus(wanted, from.velocity_m_per_s);
-        let change = shortened(change, self.limits.acceleration_m_per_s2 * credit_s);
+        let change = shortened(change, &self.limits.acceleration_m_per_s2.map(|limit| limit * credit_s));
         let jerk = minus(change.map(|change| change / credit_s), from.acceleration_m_per_s2);
-        let jerk = shortened(jerk, self.limits.jerk_m_per_s3 * credit_s);
+        let jerk = shortened(jerk, &[self.limits.jerk_m_per_s3 * credit_s; MAX_ACTUATORS]);
         let change: Actuators = core::array::from_fn(|i| (from.acceleration_m_per_s2[i] + jerk[i]) * credit_s);
         let part = self.part_within_rate(&from.velocity_m_per_s, &change);
         let velocity_m_per_s: Actuators = core::array::from_fn(|i| from.velocity_m_per_s[i] + change[i] * part);
@@ -247,9 +251,15 @@ impl Gate {
     }
 }
 
-/// A vector whose largest component is at most a limit; its direction stays.
-fn shortened(v: Actuators, limit: f64) -> Actuators {
-    let found = largest(v);
+/// The value that is furthest beyond its limit, or nearest to it, by its size, and that limit.
+pub(crate) fn furthest(v: &Actuators, limits: &Actuators) -> (f64, f64) {
+    let of_each = v.iter().map(|x| x.abs()).zip(*limits);
+    of_each.fold((0.0, limits[0]), |most, one| if one.0 * most.1 > most.0 * one.1 { one } else { most })
+}
+
+/// A vector of which each component is within its limit; its direction stays.
+fn shortened(v: Actuators, limits: &Actuators) -> Actuators {
+    let (found, limit) = furthest(&v, limits);
     if found <= limit { v } else { v.map(|x| x * (limit / found)) }
 }
 

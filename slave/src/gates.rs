@@ -63,6 +63,11 @@ impl Gates {
         self.alone.map_or(together, |alone| alone.joined(together, alone.gate.q_m()))
     }
 
+    /// As [`Gate::rates_m_per_s`].
+    pub(crate) fn rates_m_per_s(&self) -> Actuators {
+        self.together.rates_m_per_s()
+    }
+
     /// When the drives were last written, ns; 0: never.
     pub(crate) fn written_ns(&self) -> i64 {
         self.alone.map_or(0, |alone| alone.gate.written_ns()).max(self.together.written_ns())

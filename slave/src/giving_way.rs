@@ -6,7 +6,7 @@
 //! Failure: an actuator whose load is not known stays where it is; a load that turns round is left where it is.
 
 use crate::{Findings, Gate, GateLimits, SlaveConfig};
-use krait_ipc::message::{Actuators, MAX_ACTUATORS};
+use krait_ipc::message::{Actuators, MAX_ACTUATORS, largest};
 
 /// Largest speed, m/s.
 const RATE_M_PER_S: f64 = 2e-3;
@@ -42,8 +42,8 @@ impl RelaxLimits {
             way_m,
             time_ns: (time_ms * 1e6) as i64,
             gate: GateLimits {
-                rate_m_per_s: RATE_M_PER_S.min(config.limits.rate_m_per_s),
-                acceleration_m_per_s2: config.deceleration_m_per_s2,
+                rate_m_per_s: config.rates_m_per_s().map(|rate| RATE_M_PER_S.min(rate)),
+                acceleration_m_per_s2: [config.deceleration_m_per_s2; MAX_ACTUATORS],
                 jerk_m_per_s3: config.limits.jerk_m_per_s3,
                 deceleration_m_per_s2: config.deceleration_m_per_s2,
             },
@@ -52,7 +52,7 @@ impl RelaxLimits {
 
     /// How long braking from the largest speed takes, ns.
     pub fn braking_ns(&self) -> i64 {
-        (self.gate.rate_m_per_s / self.gate.deceleration_m_per_s2 * 1e9) as i64
+        (largest(self.gate.rate_m_per_s) / self.gate.deceleration_m_per_s2 * 1e9) as i64
     }
 }
 

@@ -67,7 +67,8 @@ impl HomingConfig {
         Ok(())
     }
 
-    /// Whether the machine has room for the search of the `actuator`-th, from 1: its load, its speed and its way.
+    /// Whether the machine has room for the search of the `actuator`-th, from 1: its load, its speed and its way. The limits are that
+    /// actuator's, [`crate::SlaveConfig::limits_of`].
     ///
     /// # Errors
     /// [`ConfigError::Drives`].
@@ -79,7 +80,7 @@ impl HomingConfig {
         let refused = |what: String| Err(ConfigError::Drives { what: format!("actuator {actuator}: homing.{what}") });
         if self.load_n >= limit_n {
             return refused(format!(
-                "load_n = {}: expected less than limits.{key} = {limit_n}, beyond which nothing presses; lower it",
+                "load_n = {}: expected less than {key} = {limit_n}, its limit, beyond which nothing presses; lower it",
                 self.load_n
             ));
         }
@@ -87,7 +88,7 @@ impl HomingConfig {
         let most_m_per_s = RATE_PART * limits.rate_m_per_s;
         if self.rate_m_per_s > most_m_per_s {
             return refused(format!(
-                "rate_m_per_s = {}: expected at most {most_m_per_s}, half of limits.rate_m_per_s; lower it",
+                "rate_m_per_s = {}: expected at most {most_m_per_s}, half of its limit; lower it",
                 self.rate_m_per_s
             ));
         }
@@ -147,7 +148,7 @@ mod tests {
             checked("kind = \"sts3215\"\nport = \"/dev/ttyUSB0\"\n", STOP).unwrap().actuator[0].homing.unwrap();
         assert_eq!(homing.fits(&Limits { push_n: 1.0, ..Limits::default() }, 2), Ok(()));
         for (limits, words) in [
-            (Limits { pull_n: 8.0, ..Limits::default() }, "load_n = 8: expected less than limits.pull_n = 8"),
+            (Limits { pull_n: 8.0, ..Limits::default() }, "load_n = 8: expected less than pull_n = 8"),
             (Limits { rate_m_per_s: 0.9e-3, ..Limits::default() }, "rate_m_per_s = 0.0005: expected at most 0.00045"),
             (Limits { stroke_m: 1.9e-3, ..Limits::default() }, "travel_limit_m = 0.004: expected at most 0.0038"),
         ] {

@@ -28,6 +28,7 @@ mod latency;
 mod limiter;
 mod load_uncertainty;
 mod operating_state;
+mod own_limits;
 mod power;
 mod process;
 mod relaxing;

@@ -112,6 +112,8 @@ pub struct Limiter {
     n_together: usize,
     /// Of each actuator the number of its group of antagonists.
     groups: [u32; MAX_ACTUATORS],
+    /// Load of each actuator by a limit of its own, N.
+    own_loads_n: Actuators,
     last_sequence: u64,
     last_sample_ns: i64,
 }
@@ -119,13 +121,18 @@ pub struct Limiter {
 impl Limiter {
     /// A limiter before so many actuators, of which the first ones hold each other, that has seen no command yet.
     pub fn new(limits: Limits, n_actuators: usize, n_together: usize) -> Self {
-        let groups = [0; MAX_ACTUATORS];
-        Self { limits, n_actuators, n_together, groups, last_sequence: 0, last_sample_ns: i64::MIN }
+        let (groups, own_loads_n) = ([0; MAX_ACTUATORS], [f64::INFINITY; MAX_ACTUATORS]);
+        Self { limits, n_actuators, n_together, groups, own_loads_n, last_sequence: 0, last_sample_ns: i64::MIN }
     }
 
     /// The same where only actuators of one number hold each other.
     pub(crate) fn with_groups(self, groups: [u32; MAX_ACTUATORS]) -> Self {
         Self { groups, ..self }
+    }
+
+    /// The same where the load of an actuator has a limit of its own besides, N; infinite: none.
+    pub(crate) fn with_own_loads(self, own_loads_n: Actuators) -> Self {
+        Self { own_loads_n, ..self }
     }
 
     /// The limits.
@@ -229,7 +236,8 @@ impl Limiter {
         let has_jaw = self.n_together < self.n_actuators;
         let limited = self.limits.pull_n.is_finite()
             || self.limits.push_n.is_finite()
-            || (has_jaw && self.limits.jaw_n.is_finite());
+            || (has_jaw && self.limits.jaw_n.is_finite())
+            || self.own_loads_n.iter().any(|load_n| load_n.is_finite());
         let n_known = tau_n.iter().take(self.n_actuators).filter(|tau| tau.is_finite()).count();
         let known = !limited || n_known == self.n_actuators;
         if !known {
@@ -266,6 +274,7 @@ impl Limiter {
                 (0, false) => self.limits.pull_n,
                 _ => self.limits.jaw_n,
             };
+            let limit_n = limit_n.min(self.own_loads_n[k]);
             let is_too_much = tau.abs() > limit_n && tau * change_m[k] > 0.0;
             if is_too_much {
                 findings.note(Reason::ForceLimit, tau.abs(), limit_n);

@@ -49,7 +49,7 @@ pub fn run_with_drive<D: Drive>(
     stop: &AtomicBool,
 ) -> Result<(), SlaveError> {
     config.check()?;
-    drive.traits().check(&config.limits)?;
+    drive.traits().check(config)?;
     let mut process = Process::open(bus, config, drive)?;
     process.health.publish(monotonic_ns())?;
     tracing::info!("the slave is ready");

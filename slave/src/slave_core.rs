@@ -13,15 +13,14 @@
 //!   the actuators are; after a pause and after stale commands it stays what was commanded, because the drives still hold
 //!   that against their load.
 
+use crate::gate::furthest;
 use crate::gates::{Gates, Writes};
 use crate::relaxing::LettingGo;
 use crate::{
     ActuatorState, Drive, DriveError, DriveReading, Engagement, Findings, GateLimits, Homing, Limiter, LimiterVerdict,
     Note, OnDisable, OperatingMachine, RelaxLimits, Situation, SlaveConfig, Switching, TransitionRefused, Watchdog,
 };
-use krait_ipc::message::{
-    Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition, largest,
-};
+use krait_ipc::message::{Command, HopStamps, JointValues, MAX_JOINTS, OperatingState, StateCommand, Transition};
 use krait_ipc::{Reason, Reasons};
 
 /// Commands come every millisecond; half a period more without one and the slave begins to brake, ns.
@@ -111,7 +110,8 @@ impl<D: Drive> SlaveCore<D> {
         let unread = core::array::from_fn(|k| if k < drive.n_actuators() { f64::NAN } else { 0.0 });
         Self {
             limiter: Limiter::new(config.limits.clone(), drive.n_actuators(), drive.traits().n_together)
-                .with_groups(config.drive.groups()),
+                .with_groups(config.drive.groups())
+                .with_own_loads(config.own_loads_n()),
             machine: OperatingMachine::default(),
             watchdog: Watchdog::new(config.watchdog_ms),
             gate: Gates::new(GateLimits::of(config), drive.traits().alone()),
@@ -248,9 +248,9 @@ impl<D: Drive> SlaveCore<D> {
     /// Writes the drives for a command, as far as gate, stroke and loads allow.
     fn go(&mut self, command: &Command, situation: &Situation, findings: &mut Findings) {
         let forecast = command.q_tilde_vel_m_per_s.map(|v| if v.is_finite() { v } else { 0.0 });
-        let rate = self.limiter.limits().rate_m_per_s;
-        if largest(forecast) > rate {
-            findings.note(Reason::ActuatorRateLimit, largest(forecast), rate);
+        let (fastest, rate) = furthest(&forecast, &self.gate.rates_m_per_s());
+        if fastest > rate {
+            findings.note(Reason::ActuatorRateLimit, fastest, rate);
         }
         let whole = self.gate.toward(command.q_tilde_m, forecast, situation.now_ns, findings);
         let parts = self.limiter.confine(situation, &whole.q_m, findings);

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use krait_ipc::message::{
-    DeviceState, HopStamps, JointValues, MAX_ACTUATORS, Message, OperatingState, OperatorInput, Phase, Setpoint,
+    DeviceState, HopStamps, JointValues, MAX_ACTUATORS, Message, OperatingState, OperatorInput, Phase, Setpoint, Shape,
     SlaveState,
 };
 use krait_ipc::{Bus, Reason, Writer, clock};
@@ -18,6 +18,8 @@ pub struct ChainScene {
     pub input: Option<OperatorInput>,
     /// Where the snake shall be.
     pub setpoint: Option<Setpoint>,
+    /// What the camera sees.
+    pub shape: Option<Shape>,
 }
 
 impl ChainScene {
@@ -97,12 +99,15 @@ impl ChainSender {
             let mut states = bus.writer::<SlaveState>().expect("the writer");
             let mut inputs = bus.writer::<OperatorInput>().expect("the writer");
             let mut setpoints = bus.writer::<Setpoint>().expect("the writer");
+            let mut shapes = bus.writer::<Shape>().expect("the writer");
             for sequence in 1.. {
                 let Told { scene, ends } = *own.lock().unwrap_or_else(PoisonError::into_inner);
                 let sample_ns = clock::monotonic_ns();
                 send(&mut states, scene.state.map(|state| SlaveState { sequence, sample_ns, ..state }));
                 send(&mut inputs, scene.input.map(|input| OperatorInput { sequence, sample_ns, ..input }));
                 send(&mut setpoints, scene.setpoint.map(|setpoint| Setpoint { sequence, sample_ns, ..setpoint }));
+                let seen = |shape| Shape { sequence, sample_ns, available_ns: sample_ns, ..shape };
+                send(&mut shapes, scene.shape.map(seen));
                 if ends {
                     return;
                 }

@@ -8,6 +8,7 @@ mod browser;
 mod chain_sender;
 mod http;
 mod motion;
+mod operate_room;
 mod pad;
 mod program;
 mod relay;
@@ -22,6 +23,7 @@ pub use motion::{
     allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, kill_until_back, samples_in,
     signal_process, states_in, step_m, wait_for, wait_for_motion,
 };
+pub use operate_room::{bars_shown, needs_shown, seen_in_operate_room, watch_operate_room};
 pub use pad::{PadPage, pad_losses};
 pub use program::{Ended, Krait, krait_program};
 pub use relay::{CuttableWay, WayCut};

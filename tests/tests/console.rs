@@ -6,6 +6,7 @@ use core::time::Duration;
 use krait_ipc::message::{OperatingState, RequestOutcome, StateAnswer, StateRequest, Transition};
 use krait_ipc::{Bus, ReadOptions};
 use krait_tests::{Console, Ended, Krait, TempFolder, instance_name, next_of_kind, processes_of, wait_until};
+use rustix::net::sockopt::set_socket_recv_buffer_size;
 use rustix::process::{Pid, Signal, kill_process};
 use tungstenite::Message;
 
@@ -52,6 +53,44 @@ fn strangers_are_refused_each_for_what_it_lacks() {
     }
     assert_eq!(console.request("DELETE", "/", &[("Origin", &own)], "").status, 405);
     assert_eq!(end(krait).code, Some(0));
+}
+
+/// Both ports are of this machine alone: they listen at 127.0.0.1, and no other address of the machine leads to them.
+#[test]
+fn no_address_but_that_of_this_machine_alone_leads_to_the_console() {
+    let (krait, console) = lonely();
+    let ports = [console.port, console.stop_port()];
+    for (table, own) in [("/proc/net/tcp", "0100007F"), ("/proc/net/tcp6", "00000000000000000000000001000000")] {
+        let listening = std::fs::read_to_string(table).expect("the kernel's list");
+        let at: Vec<(&str, u16)> = listening.lines().skip(1).filter_map(listens_at).collect();
+        let ours: Vec<_> = at.iter().filter(|(_, port)| ports.contains(port)).collect();
+        assert!(table.ends_with('6') || ports.iter().all(|port| ours.iter().any(|(_, of)| of == port)), "{at:?}");
+        assert!(ours.iter().all(|(address, _)| *address == own), "{table}: {ours:?}");
+    }
+    let all = std::fs::read_to_string("/proc/net/fib_trie").expect("the kernel's addresses");
+    let local = all.lines().zip(all.lines().skip(1)).filter(|(_, kind)| kind.contains("/32 host LOCAL"));
+    let local = local.filter_map(|(address, _)| address.rsplit(' ').next()?.parse::<std::net::Ipv4Addr>().ok());
+    let others: std::collections::BTreeSet<_> = local.filter(|address| !address.is_loopback()).collect();
+    if others.is_empty() {
+        krait_tests::say_aloud("SKIPPED ALOUD: this machine has no address but 127.0.0.1 to knock at");
+    }
+    // Of the loopback network too there is one address only.
+    for address in others.into_iter().chain([std::net::Ipv4Addr::new(127, 0, 0, 2)]) {
+        for port in ports {
+            let knocked = std::net::TcpStream::connect_timeout(&(address, port).into(), Duration::from_secs(20));
+            let refused = knocked.map(|_| "let in").map_err(|error| error.kind());
+            assert_eq!(refused, Err(std::io::ErrorKind::ConnectionRefused), "{address}:{port}");
+        }
+    }
+    assert_eq!(console.request("GET", "/", &[], "").status, 200, "while it answers here");
+    assert_eq!(end(krait).code, Some(0));
+}
+
+/// Where a line of the kernel's list listens: the address as it stands there, and the port.
+fn listens_at(line: &str) -> Option<(&str, u16)> {
+    let fields: Vec<&str> = line.split_whitespace().collect();
+    let (address, port) = fields.get(1)?.split_once(':')?;
+    (fields.get(3) == Some(&"0A")).then_some((address, u16::from_str_radix(port, 16).ok()?))
 }
 
 #[test]
@@ -344,7 +383,8 @@ fn a_viewer_reads_what_a_recording_has_and_the_figures_and_can_do_nothing_else()
     let recording = folder.file("run.mcap");
     // The chain's own console: the same process as `krait console --foxglove`, asked for on the chain's command line.
     let run = ["run", "--engage=again", "--instance", &instance, "--recording", &recording, "--foxglove"];
-    let mut chain = Krait::start(&run);
+    let allowed = ["--foxglove-origin", "https://viewer.example", "--foxglove-origin", "http://lab.example:8080"];
+    let mut chain = Krait::start(&[&run[..], &allowed].concat());
     let console = Console::of(&mut chain);
     let address = chain.line();
     let address = address.strip_prefix("Foxglove: ").expect("a third address");
@@ -353,13 +393,25 @@ fn a_viewer_reads_what_a_recording_has_and_the_figures_and_can_do_nothing_else()
 
     // Four take nothing of what they asked for; that costs nobody anything.
     let mut others: Vec<_> = (0..4).map(|_| stalled_viewer(&console, path)).collect();
-    for headers in [&[][..], &[("Origin", "https://app.foxglove.dev")], &[("Origin", own.as_str())]] {
+    for headers in [
+        &[][..],
+        &[("Origin", "https://app.foxglove.dev")],
+        &[("Origin", own.as_str())],
+        &[("Origin", "https://viewer.example")],
+        &[("Origin", "http://lab.example:8080")],
+    ] {
         assert!(console.open(path, &[headers, &[VIEWER]].concat()).is_ok(), "{headers:?}");
     }
-    for (origin, status) in
-        [("http://evil.example", 403), ("null", 403), ("https://app.foxglove.dev.evil.example", 403)]
-    {
-        assert_eq!(console.open(path, &[VIEWER, ("Origin", origin)]).err(), Some(status), "{origin}");
+    for origin in [
+        "http://evil.example",
+        "null",
+        "https://app.foxglove.dev.evil.example",
+        "http://viewer.example",
+        "https://viewer.example:8443",
+        "https://viewer.example.evil.example",
+        "http://lab.example",
+    ] {
+        assert_eq!(console.open(path, &[VIEWER, ("Origin", origin)]).err(), Some(403), "{origin}");
     }
     assert_eq!(
         console.open(path, &[VIEWER, ("Host", "rebound.example")]).err(),
@@ -441,6 +493,89 @@ fn a_viewer_reads_what_a_recording_has_and_the_figures_and_can_do_nothing_else()
     chain.signal(Signal::INT);
     let ended = chain.end(PATIENCE);
     assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
+}
+
+/// Without a wish of the operator no page elsewhere reads. One that takes nothing is hung up on and its place is free; one that reads too
+/// slowly is told how many messages it lost, which is what is missing among those that it gets.
+#[test]
+fn a_slow_viewer_is_told_what_it_lost_and_one_that_takes_nothing_is_hung_up_on() {
+    let instance = instance_name("slow-viewer");
+    let chain = Krait::start(&["run", "--engage=again", "--instance", &instance, "--no-recording"]);
+    let mut server = Krait::start(&["console", "--instance", &instance, "--foxglove"]);
+    let console = Console::of(&mut server);
+    let address = server.line();
+    let path = address.strip_prefix(&format!("Foxglove: ws://127.0.0.1:{}", console.port)).expect("a third address");
+    assert_eq!(console.open(path, &[VIEWER, ("Origin", "https://viewer.example")]).err(), Some(403), "not asked for");
+    let wrong = Ended::of(&["console", "--foxglove", "--foxglove-origin", "viewer.example"], PATIENCE);
+    assert!(wrong.code == Some(2) && wrong.stderr.contains("https://viewer.example"), "{wrong:?}");
+
+    let mut page = console.page();
+    assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["shown"] == "following"));
+    // The kernel keeps little for them, so that they are slow at once.
+    let little = |live: &krait_tests::Live| set_socket_recv_buffer_size(live.get_ref(), 8192).expect("a small buffer");
+    let (mut slow, advertised) = viewer(&console, path);
+    let (mut dead, _) = viewer(&console, path);
+    for live in [&slow, &dead] {
+        little(live);
+    }
+    let all = advertised.iter().map(|channel| serde_json::json!({ "id": channel["id"], "channelId": channel["id"] }));
+    let asked = serde_json::json!({ "op": "subscribe", "subscriptions": all.collect::<Vec<_>>() }).to_string();
+    slow.send(Message::text(asked.clone())).expect("sent");
+    dead.send(Message::text(asked)).expect("sent");
+    let topic_of = |channel: krait_schema::Channel| {
+        advertised.iter().find(|own| own["topic"] == channel.topic()).and_then(|own| own["id"].as_u64())
+    };
+    use krait_schema::Channel::{Command, Input, Setpoint, State};
+    let numbered = [Input, Setpoint, Command, State].map(|channel| (channel, topic_of(channel).expect("a topic")));
+    let (mut last, mut n_missing, mut told, mut n_told_after) = ([0_u64; 4], 0, 0, 0);
+    // It takes nothing for a while shorter than a hung-up viewer's, then reads on.
+    while told == 0 || n_told_after < 4000 {
+        if told == 0 {
+            std::thread::sleep(Duration::from_millis(3500));
+        }
+        for _ in 0..4000 {
+            match slow.read().expect("a slow viewer stays") {
+                Message::Text(text) => {
+                    let status: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+                    let said = status["message"].as_str().expect("a sentence").to_owned();
+                    let n = said
+                        .strip_prefix("Slow: this viewer reads too slowly; ")
+                        .and_then(|rest| rest.split(' ').next());
+                    told = n.and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("{said}"));
+                    n_told_after = 0;
+                }
+                Message::Binary(bytes) => {
+                    n_told_after += 1;
+                    let id = u64::from(u32::from_le_bytes(bytes[1..5].try_into().expect("four bytes")));
+                    let Some(k) = numbered.iter().position(|(_, own)| *own == id) else { continue };
+                    let sequence = sequence_of(numbered[k].0, &bytes[13..]);
+                    if last[k] > 0 {
+                        n_missing += sequence - last[k] - 1;
+                    }
+                    last[k] = sequence;
+                }
+                _ => {}
+            }
+        }
+    }
+    // The other topics, views and figures, have no numbers; they are the smaller part.
+    assert!(n_missing > 0 && n_missing <= told && 2 * n_missing > told, "{n_missing} are missing, {told} were told");
+    assert!(is_closed(&mut dead), "five seconds without taking a message");
+    chain.signal(Signal::INT);
+    let ended = chain.end(PATIENCE);
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(end(server).code, Some(0));
+}
+
+/// The number of a sample of the chain.
+fn sequence_of(channel: krait_schema::Channel, payload: &[u8]) -> u64 {
+    match krait_schema::decode(channel, payload).expect("readable") {
+        krait_schema::Sample::Input(input) => input.sequence,
+        krait_schema::Sample::Setpoint(setpoint) => setpoint.sequence,
+        krait_schema::Sample::Command(command) => command.sequence,
+        krait_schema::Sample::State(state) => state.sequence,
+        other => panic!("a numbered sample of the chain, found {other:?}"),
+    }
 }
 
 /// Connects as a viewer; what is advertised to it.

@@ -64,6 +64,31 @@ fn findings_in_both_themes(page: &mut BrowserPage, part: &str, place: &str) -> V
     broken
 }
 
+/// What the lab says of a measurement, and the form for the columns of a table whose names nobody knows: what to do, what comes then, and
+/// how to see that it is there.
+const LAB: [(&str, &str, &str); 4] = [
+    (
+        "(select => { select.value = 'data.csv'; select.dispatchEvent(new Event('change')); })([...document.querySelectorAll('#lab select')].find(s => [...s.options].some(o => o.value === 'data.csv'))); [...document.querySelectorAll('#lab .work button')].find(b => b.textContent === 'Compare').click()",
+        "the lab's comparison",
+        "document.querySelector('#lab .work .tiles') !== null && document.querySelector('#lab .work .residuals') !== null",
+    ),
+    (
+        "[...document.querySelectorAll('#lab .work button')].find(b => b.textContent === 'Diagnose').click()",
+        "the lab's diagnosis",
+        "document.querySelector('#lab .work .effect .sketch') !== null && document.querySelectorAll('#lab .fall rect').length > 0",
+    ),
+    (
+        "[...document.querySelectorAll('#lab .work .alone')][0].click()",
+        "the lab's question before an effect is added",
+        "[...document.querySelectorAll('#lab .work button')].some(b => b.textContent.startsWith('Add ')) && document.querySelector('#lab .work progress') === null",
+    ),
+    (
+        "(files => { files.items.add(new File(['Zeit;links;rechts;unten;horizontal;vertikal\n' + Array.from({ length: 200 }, (_, k) => `${k / 50};${Math.sin(k)};${k % 7};${k % 11};${Math.cos(k)};${k % 13}`).join('\n')], 'theirs.csv')); document.getElementById('lab').dispatchEvent(new DragEvent('drop', { dataTransfer: files, bubbles: true })); })(new DataTransfer())",
+        "the form for columns",
+        "document.querySelectorAll('#lab .columns tbody select').length >= 6",
+    ),
+];
+
 /// The quiz of the lab from its form to its answer: what to do, what comes then, and how to see that it is there.
 const QUIZ: [(&str, &str, &str); 3] = [
     (
@@ -162,6 +187,11 @@ fn no_room_of_the_page_breaks_a_serious_rule_and_the_keyboard_alone_suffices() {
     let (instance, folder) = (instance_name("access"), TempFolder::new("access"));
     let recording = folder.file("run.mcap");
     let lab = folder.file("lab");
+    std::fs::create_dir(&lab).expect("a folder");
+    let hidden = ["--kind", "backlash", "--size", "3", "--seconds", "40", "--rate", "15", "--seed", "5"];
+    let data = format!("{lab}/data.csv");
+    let made = Ended::of(&[&["lab", "generate", "--out", &data][..], &hidden].concat(), PATIENCE);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &recording]);
     let recordings = folder.file("recordings");
     std::fs::create_dir(&recordings).expect("a folder");
@@ -181,6 +211,15 @@ fn no_room_of_the_page_breaks_a_serious_rule_and_the_keyboard_alone_suffices() {
         page.wait_for("the key opens the room", &format!("document.documentElement.dataset.tab === '{tab}'"));
         broken.extend(findings_in_both_themes(&mut page, ALL, tab));
     }
+    for (act, what, is_there) in LAB {
+        page.value(&format!("{act}; 0"));
+        page.wait_for(what, is_there);
+        broken.extend(findings_in_both_themes(&mut page, "'#lab'", what));
+    }
+    assert_reached_by_tab(&mut page, "the form for columns");
+    page.value(
+        "[...document.querySelectorAll('#lab .work button')].find(b => b.textContent === 'Leave it').click(); 0",
+    );
     for (act, what, is_there) in QUIZ {
         page.value(&format!("{act}; 0"));
         page.wait_for(what, is_there);

@@ -7,7 +7,7 @@ use core::cell::Cell;
 use core::time::Duration;
 use krait_tests::{
     Browser, BrowserPage, Console, Ended, Krait, PadPage, TempFolder, instance_name, next_of_kind, pad_losses,
-    wait_until,
+    seen_in_operate_room, wait_until, watch_operate_room,
 };
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -53,17 +53,21 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     assert_eq!(page.value("document.getElementById('pad-jaw').hidden"), json!(true), "without a gripper, no jaw");
     see_who_drives_and_take_over(&mut page, &console);
 
+    let facts = next_of_kind(&mut console.page(), "hello")["facts"].clone();
+    watch_operate_room(&mut page, &facts);
     let centre_of_pad = centre(&mut page);
     let mut hand = Hand { centre: centre_of_pad, page: &mut page, console: &console, is_touching: false };
     for direction in DIRECTIONS {
         hand.drive(direction, &format!("by pointer {direction:?}"), Hand::pointer);
     }
-    hand.drive([0.0, 1.0], "by keyboard", Hand::keyboard);
-    hand.drive([0.0, -1.0], "by keyboard", Hand::keyboard);
+    for direction in DIRECTIONS {
+        hand.drive(direction, &format!("by keyboard {direction:?}"), Hand::keyboard);
+    }
     for direction in DIRECTIONS {
         hand.drive(direction, &format!("by gamepad {direction:?}"), Hand::gamepad);
     }
     page.keep("drive");
+    assert_row_and_bars_are_the_frames(&mut page);
 
     // A page that hangs with the pad held: the motion stops, and begins anew only after the hand was off the pad.
     let place = centre(&mut page);
@@ -319,6 +323,21 @@ fn the_recorded_jaw_is_drawn(browser: &Browser, recording: &str, instance: &str)
     krait.end(PATIENCE);
 }
 
+/// Of every frame of the drive the page has shown what the frame says, and there was something to be shown.
+fn assert_row_and_bars_are_the_frames(page: &mut BrowserPage) {
+    let seen = seen_in_operate_room(page);
+    let count = |name: &str| seen[name].as_u64().expect("a number");
+    assert!(count("n_placed") > 20 && count("n_told") > 20 && count("n_loaded") > 20, "{seen:#}");
+    assert_eq!(seen["wrong"], json!([]), "{seen:#}");
+    let words = seen["words"].as_array().expect("words");
+    for word in ["drives enabled", "operator present", "operator absent", "clutch released", "scale 100 %"] {
+        assert!(words.contains(&json!(word)), "{word}: {seen:#}");
+    }
+    let widest: Vec<f64> =
+        seen["widest"].as_array().expect("bars").iter().filter_map(serde_json::Value::as_f64).collect();
+    assert!(widest.len() == 3 && widest.iter().all(|part| *part > 0.02), "each line has moved: {widest:?}");
+}
+
 /// For half a second of pictures from now on nobody is present.
 fn assert_holds_still(console: &Console) {
     let mut now = PadPage::open(console);
@@ -472,8 +491,13 @@ impl Hand<'_> {
         }
     }
 
-    fn keyboard(&mut self, [_, y]: [f64; 2], is_down: bool) {
-        let (arrow, code) = if y > 0.0 { ("ArrowDown", 40) } else { ("ArrowUp", 38) };
+    fn keyboard(&mut self, [x, y]: [f64; 2], is_down: bool) {
+        let (arrow, code) = match (x, y) {
+            (1.0, _) => ("ArrowRight", 39),
+            (-1.0, _) => ("ArrowLeft", 37),
+            (_, 1.0) => ("ArrowDown", 40),
+            _ => ("ArrowUp", 38),
+        };
         self.page.value("document.getElementById('pad-field').focus()");
         self.page.key_half(is_down, " ", 32);
         self.page.key_half(is_down, arrow, code);

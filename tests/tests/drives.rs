@@ -16,8 +16,12 @@ mod homing;
 mod loads;
 #[path = "drives/machines.rs"]
 mod machines;
+#[path = "drives/permission.rs"]
+mod permission;
 #[path = "drives/watch.rs"]
 mod watch;
+#[path = "drives/zeros.rs"]
+mod zeros;
 
 use core::time::Duration;
 use krait_drives::ServoMake;
@@ -264,6 +268,8 @@ fn found_and_stepped(make: ServoMake) {
     watch::second_moves_to(2100, &emulator);
     let zero = Ended::of(&["drives", "--zero", "--config", &config, "--instance", &instance], PATIENCE);
     assert!(zero.stdout.contains("zero_count = 2100  # actuator 2, id 2"), "{} {}", zero.stdout, zero.stderr);
+    assert!(zero.stdout.contains("1 of the zeros to change; --out FILE"), "{}", zero.stdout);
+    zeros::written_to_a_file(&folder, &config, &instance);
     assert!(emulator.wire().servos.iter().all(|servo| servo.n_goals == 0 && !servo.is_powered()), "nothing has moved");
 
     let arguments = ["drives", "--jog", "2", "--config", &config, "--instance", &instance];

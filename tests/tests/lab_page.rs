@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name};
+use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, wait_until};
 
 const PATIENCE: Duration = Duration::from_secs(240);
 
@@ -38,7 +38,7 @@ fn diagnosed(browser: &Browser, name: &str, hidden: &[&str]) -> Diagnosed {
 fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
     let Some(browser) = Browser::start() else { return };
     let hidden = ["--kind", "backlash+plane-offset", "--size", "2.5,2.5", "--seconds", "60", "--rate", "25"];
-    let Diagnosed { folder: _folder, server: _server, mut page, .. } = diagnosed(&browser, "lab-page", &hidden);
+    let Diagnosed { folder: _folder, server: _server, mut page, data } = diagnosed(&browser, "lab-page", &hidden);
     let first = page.text("#lab .work .alone");
     press(&mut page, &first);
     press(&mut page, &first);
@@ -74,6 +74,76 @@ fn the_bars_grow_while_effects_are_added_and_no_model_is_overwritten() {
     for name in [format!("base-{effect}.toml"), format!("base-{effect}-2.toml")] {
         assert!(models.as_array().is_some_and(|all| all.iter().any(|own| *own == name.as_str())), "{name}: {models}");
     }
+    a_job_is_cancelled(&mut page, &data);
+}
+
+/// Cancel ends the job's process, the page says so, and the same job can be begun again.
+fn a_job_is_cancelled(page: &mut BrowserPage, data: &str) {
+    let at_work = || processes_with(&["lab", "diagnose", data]);
+    press(page, "Diagnose again with it");
+    assert!(wait_until(PATIENCE, || at_work() > 0), "its process");
+    press(page, "Cancel");
+    page.wait_for("it is said", "document.querySelector('#lab h1').textContent === 'Cancelled.'");
+    assert_eq!(
+        page.value("fetch('/lab/job').then(job => job.json()).then(job => job.stage)"),
+        serde_json::json!("cancelled")
+    );
+    assert!(wait_until(PATIENCE, || at_work() == 0), "its process has ended");
+    press(page, "Again");
+    press(page, "Diagnose");
+    bars(page, 2, 1);
+}
+
+/// How many processes have all of these words on their command line.
+fn processes_with(words: &[&str]) -> usize {
+    let processes = std::fs::read_dir("/proc").expect("processes").flatten();
+    let lines = processes.filter_map(|process| std::fs::read_to_string(process.path().join("cmdline")).ok());
+    lines.filter(|line| words.iter().all(|word| line.split('\0').any(|own| own == *word))).count()
+}
+
+/// Beside each effect that was found stands what it alone adds over the position, as the answer has it: a line through all of its points,
+/// within the picture, as high as the numbers below say.
+fn the_sketches_are_the_answers(page: &mut BrowserPage, answer: &serde_json::Value) {
+    let drawn = page.value(
+        "[...document.querySelectorAll('#lab .effect .sketch')].map(sketch => ({
+            points: sketch.querySelector('polyline').getAttribute('points').split(' ').map(point => point.split(',').map(Number)),
+            box: sketch.querySelector('svg').getAttribute('viewBox').split(' ').map(Number),
+            width: sketch.getBoundingClientRect().width, says: sketch.querySelector('figcaption').textContent,
+        }))",
+    );
+    let drawn = drawn.as_array().expect("sketches");
+    let effects = answer["effects"].as_array().expect("effects");
+    assert!(effects.len() == 2 && drawn.len() == 2, "{drawn:?}");
+    for (sketch, effect) in drawn.iter().zip(effects) {
+        let numbers = |key: &str| -> Vec<f64> {
+            let values = effect["sketch"][key].as_array().expect("values");
+            values.iter().map(|own| own.as_f64().expect("a number")).collect()
+        };
+        let (position, change) = (numbers("position"), numbers("change"));
+        let ends =
+            |values: &[f64]| values.iter().fold((0.0_f64, 0.0_f64), |(low, high), v| (low.min(*v), high.max(*v)));
+        let (low, high) = ends(&change);
+        let says = sketch["says"].as_str().expect("a sentence");
+        assert!(says.starts_with(&format!("It alone adds {low:.2} to {high:.2}\u{b0} ")), "{says}: {low} to {high}");
+        let points = sketch["points"].as_array().expect("points");
+        assert!(
+            points.len() == position.len() && points.len() > 20 && sketch["width"].as_f64() > Some(100.0),
+            "{sketch}"
+        );
+        let places =
+            |axis: usize| -> Vec<f64> { points.iter().map(|point| point[axis].as_f64().expect("a place")).collect() };
+        for axis in 0..2 {
+            let most = sketch["box"][axis + 2].as_f64().expect("a size");
+            assert!(places(axis).iter().all(|place| (0.0..=most).contains(place)), "{axis}: {sketch}");
+        }
+        // The highest of the values is drawn highest, the rightmost position rightmost.
+        let at_most =
+            |values: &[f64]| (0..values.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).expect("values");
+        let (x, y) = (places(0), places(1));
+        assert!(y.iter().all(|own| *own >= y[at_most(&change)] - 0.11), "{sketch}");
+        assert!(x.iter().all(|own| *own <= x[at_most(&position)] + 0.11), "{sketch}");
+        assert!(high - low > 0.01, "an effect that does something");
+    }
 }
 
 /// Two effects and something that the lab has no name for: what was found is added at once, in the order of the chain, and fitted together;
@@ -87,6 +157,7 @@ fn one_button_adds_all_that_was_found_and_the_rail_shows_what_was_written() {
     let is_stage = |own: &serde_json::Value| own.as_str().is_some_and(|said| said.starts_with("Effects "));
     assert!(stages.as_array().is_some_and(|all| all.len() > 1 && all.iter().any(is_stage)), "its stages: {stages}");
     let answer = page.value("fetch('/lab/job').then(job => job.json())")["answer"].clone();
+    the_sketches_are_the_answers(&mut page, &answer);
     let (share, free) = (answer["explained_share"].as_f64(), answer["model_free_rms"].as_f64());
     let (share, free) = share.zip(free).unwrap_or_else(|| panic!("both figures in {answer}"));
     let tiles =

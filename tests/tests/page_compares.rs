@@ -4,6 +4,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
+use krait_ipc::message::Marker;
 use krait_record::{About, Recording, RecordingWriter};
 use krait_schema::Sample;
 use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name};
@@ -90,6 +91,77 @@ fn two_recordings_are_compared_as_the_command_compares_them() {
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
 }
 
+/// One window for all who score a file: `run` says of its run what `compare` says of the recording, `replay` what `compare` says of the
+/// replay's, and both are alike. A file that is cut is said to be cut, and is compared over what both have.
+#[test]
+fn run_replay_and_compare_score_the_same_file_the_same() {
+    let folder = TempFolder::new("scored");
+    let [live, again, cut] = ["live.mcap", "again.mcap", "cut.mcap"].map(|name| folder.file(name));
+    let run = ["run", "--engage=again", "--json", "--seconds", "14", "--recording", &live];
+    let run = Ended::of(&[&run[..], &["--instance", &instance_name("scored")]].concat(), PATIENCE);
+    assert!(matches!(run.code, Some(0 | 1)), "{}", run.stderr);
+    let by_run = run.json()["passes"][0].clone();
+    let replay = ["replay", "--json", "--speed", "max", &live, "--recording", &again];
+    let replay = Ended::of(&[&replay[..], &["--instance", &instance_name("again")]].concat(), PATIENCE);
+    assert_eq!(replay.code, Some(0), "{}", replay.stderr);
+    let by_replay = replay.json();
+    let compared = Ended::of(&["compare", "--json", &live, &again], PATIENCE).json();
+    let rms = |score: &Value| score["rms"].as_f64().unwrap_or_else(|| panic!("a score, found {score}"));
+    for (own, key, side) in [(&by_run, "error_deg", "a"), (&by_replay, "tracking_error_deg", "b")] {
+        assert_eq!(own[key], compared[side]["tracking_error_deg"], "{side}: {own}");
+        assert!(rms(&own[key]) > 0.0 && own[key]["n"].as_u64() > Some(60), "{own}");
+        assert_eq!((&own["scored_from_s"], &compared[side]["scored_from_s"]), (&json!(10.0), &json!(10.0)));
+    }
+    let ratio = rms(&by_run["error_deg"]) / rms(&by_replay["tracking_error_deg"]);
+    assert!((0.75..1.34).contains(&ratio), "live and replayed: {ratio}");
+
+    let bytes = std::fs::read(&live).expect("there");
+    std::fs::write(&cut, &bytes[..bytes.len() * 23 / 25]).expect("written");
+    let answer = Ended::of(&["compare", "--json", &cut, &live], PATIENCE).json();
+    let missing = answer["a"]["missing"].as_array().expect("sentences");
+    assert!(missing.iter().any(|said| said.as_str().is_some_and(|said| said.contains("is cut"))), "{missing:?}");
+    assert_eq!(answer["b"]["missing"], json!([]));
+    assert!(answer["a"]["samples"]["shape"].as_u64() < answer["b"]["samples"]["shape"].as_u64(), "{answer}");
+    let verdict = answer["verdict"].as_str().expect("a verdict");
+    assert!(verdict.starts_with("both follow alike") && verdict.contains("their lengths differ"), "{verdict}");
+    let text = Ended::of(&["compare", &cut, &live], PATIENCE).stdout;
+    let (of_a, of_b) = text.split_once("\nB: ").expect("two sides");
+    assert!(of_a.contains("   not whole: the recording is cut") && !of_b.contains("not whole"), "{text}");
+}
+
+/// Less than ten seconds of motion have no error, for people and for programs, and no command calls it zero.
+#[test]
+fn a_run_that_is_too_short_has_no_error_and_says_why() {
+    let folder = TempFolder::new("short");
+    let recording = folder.file("short.mcap");
+    let run = |words: &[&str]| {
+        let instance = instance_name("short");
+        let ended = Ended::of(
+            &[&["run", "--engage=again", "--seconds", "3", "--instance", &instance], words].concat(),
+            PATIENCE,
+        );
+        assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
+        ended
+    };
+    let pass = run(&["--json", "--recording", &recording]).json()["passes"][0].clone();
+    for key in ["error_deg", "bend_error_deg", "plane_error_deg"] {
+        assert!(pass.get(key).is_some_and(Value::is_null), "{key}: {pass}");
+    }
+    let text = run(&["--recording", &folder.file("told.mcap")]).stdout;
+    let row = text.lines().find(|line| line.starts_with("  estimated ")).unwrap_or_else(|| panic!("its row in {text}"));
+    assert_eq!(row.split_whitespace().filter(|cell| *cell == "-").count(), 9, "no figure of an error: {row}");
+    assert!(text.contains("too short: 10 s needed"), "{text}");
+    let replay = |words: &[&str]| {
+        let all =
+            ["replay", "--speed", "max", "--no-recording", &recording, "--instance", &instance_name("short-again")];
+        Ended::of(&[&all[..], words].concat(), PATIENCE)
+    };
+    let figures = replay(&["--json"]).json();
+    assert!(figures.get("tracking_error_deg").is_some_and(Value::is_null), "{figures}");
+    let said = replay(&[]).stdout;
+    assert!(said.contains("too short: 10 s needed"), "{said}");
+}
+
 /// The list has what each recording's chain had learnt, as `krait model save-learnt` says it, and what its recorder lost.
 #[test]
 fn the_list_says_what_was_learnt_and_what_was_lost() {
@@ -100,10 +172,18 @@ fn the_list_says_what_was_learnt_and_what_was_lost() {
     let recording = Recording::open(Path::new(&shipped)).expect("readable");
     let about = About::run("lossy", &BTreeMap::new(), recording.contents().attachments.clone());
     let mut writer = RecordingWriter::create(Path::new(&folder.file("lossy.mcap")), 1 << 18, &about).expect("created");
+    let mut last_ns = 0;
     for recorded in recording.samples().expect("samples").map(|recorded| recorded.expect("readable")) {
         if !matches!(recorded.sample, Sample::ModelUpdate(_)) {
             writer.write(&recorded.sample, recorded.sample.sample_ns()).expect("written");
+            last_ns = last_ns.max(recorded.sample.sample_ns());
         }
+    }
+    // Three marks, of which the last makes the recording longer than an hour.
+    let after_ns = [0, 1_000_000_000, 3_725_000_000_000];
+    for (sequence, after_ns) in (1..).zip(after_ns) {
+        let mark = Marker::new(sequence, last_ns + after_ns, "a vessel").expect("a mark");
+        writer.write(&Sample::Marker(Box::new(mark)), last_ns + after_ns).expect("written");
     }
     let end = [("n_dropped", "1200"), ("n_lost", "34")].map(|(key, n)| (key.to_owned(), n.to_owned()));
     writer.finish(&BTreeMap::from(end)).expect("finished");
@@ -132,7 +212,24 @@ fn the_list_says_what_was_learnt_and_what_was_lost() {
         assert!((value / exact - 1.0).abs() < 1e-3 && said.contains(" \u{b1} "), "{said}: {parameter}");
     }
     assert_eq!(of("lossy", ".learnt"), json!([]));
-    assert_eq!((&of("whole", "td")[4], &of("lossy", "td")[4]), (&json!("0"), &json!("1\u{202f}234")));
+    // Length, marks, lost and size of each, as the file itself has them.
+    for (name, n_marks, lost) in [("whole", 0, "0"), ("lossy", 3, "1\u{202f}234")] {
+        let path = folder.file(&format!("{name}.mcap"));
+        let samples = Recording::open(Path::new(&path)).and_then(|own| own.samples()).expect("readable");
+        let written: Vec<u64> = samples.map(|recorded| recorded.expect("readable").log_ns).collect();
+        let (first, last) = written.iter().fold((u64::MAX, 0), |(a, b), own| (a.min(*own), b.max(*own)));
+        let seconds = (last - first) / 1_000_000_000;
+        let length = format!("{}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60);
+        assert_eq!(length.starts_with("1:02:0"), name == "lossy", "{length}");
+        let bytes = std::fs::metadata(&path).expect("a file").len();
+        let size = format!("{:.1} MB", bytes as f64 / 1e6);
+        let shown = of(name, "td");
+        assert_eq!(
+            (&shown[2], &shown[3], &shown[4], &shown[5]),
+            (&json!(length), &json!(n_marks.to_string()), &json!(lost), &json!(size)),
+            "{shown}"
+        );
+    }
     for (width, height) in SIZES {
         page.resize(width, height);
         page.keep(&format!("learnt-{width}"));
@@ -195,15 +292,15 @@ fn latency_shows_what_the_doctor_finds_worst_first_and_asks_again() {
     let said = page.value("[...document.querySelectorAll('.findings li')].map(row => row.textContent)");
     let marks = page.value("[...document.querySelectorAll('.findings li')].map(row => row.className)");
     for (k, finding) in own.iter().enumerate() {
-        let row = said[k].as_str().expect("a sentence").replace('`', "");
-        for part in [&finding["name"], &finding["meaning"], &finding["mend"]] {
-            assert!(
-                part.as_str()
-                    .map(|part| part.replace('`', ""))
-                    .is_none_or(|part| row.to_lowercase().contains(&part.trim_end_matches('.').to_lowercase())),
-                "{row}: {finding}"
-            );
-        }
+        let row = said[k].as_str().expect("a sentence");
+        let says = |part: &Value, is_said: &dyn Fn(&str) -> bool| {
+            let part = part.as_str().map(|part| part.replace('`', ""));
+            assert!(part.is_none_or(|part| is_said(part.trim_end_matches('.'))), "{row}: {finding}");
+        };
+        // A command to mend it can be copied: its letters are as they are typed.
+        says(&finding["name"], &|part| row.contains(part));
+        says(&finding["mend"], &|part| row.contains(part));
+        says(&finding["meaning"], &|part| row.to_lowercase().contains(&part.to_lowercase()));
         let mark = ["fault", "warn", "ok"][grade(finding).expect("a grade")];
         assert_eq!(marks[k], mark, "{row}: {finding}");
     }

@@ -8,7 +8,8 @@ use krait_ipc::Reason;
 use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, SlaveState};
 use krait_schema::Sample;
 use krait_tests::{
-    Browser, BrowserPage, ChainScene, ChainSender, Console, Krait, TempFolder, instance_name, next_of_kind, rewrite,
+    Browser, BrowserPage, ChainScene, ChainSender, Console, Krait, TempFolder, bars_shown, instance_name, needs_shown,
+    next_of_kind, rewrite, wait_until,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -36,8 +37,25 @@ fn are_reasons(says: &[impl AsRef<str>]) -> String {
     format!("JSON.stringify({shown}) === JSON.stringify({})", json!(says))
 }
 
+/// Those of some sentences for which the banner's line of the worst one is too short, with "+9" behind each.
+fn too_wide(page: &mut BrowserPage, says: &[String]) -> serde_json::Value {
+    page.value(&format!(
+        "(() => {{
+            const line = document.getElementById('worst'), kept = line.innerHTML;
+            const wide = {}.filter(say => {{
+                line.children[1].textContent = say;
+                line.children[2].textContent = '+9';
+                return line.children[2].getBoundingClientRect().right > line.getBoundingClientRect().right;
+            }});
+            line.innerHTML = kept;
+            return wide;
+        }})()",
+        json!(says)
+    ))
+}
+
 /// The longest sentences of the chain, three at a time, as drives say them: none is cut, none is left out, and no other card is
-/// pushed off for them. More than there is room for are counted.
+/// pushed off for them. More than there is room for are counted. The worst one stands in the banner too, and each fits into its line.
 #[test]
 fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
     let Some(browser) = Browser::start() else { return };
@@ -68,6 +86,8 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
         worst_first.sort_by_key(|reason| (level(reason), *reason as u32));
         let says: Vec<String> = worst_first.iter().map(of).collect();
         let are_shown = are_reasons(&says);
+        let n_others = three.iter().filter(|reason| level(reason) < 3).count().saturating_sub(1);
+        let n_more = if n_others > 0 { format!("+{n_others}") } else { String::new() };
         for (width, height) in SIZES {
             page.resize(width, height);
             for theme in ["dark", "light"] {
@@ -76,10 +96,18 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
                 page.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
                 assert_eq!(page.value(CUT), json!(""), "{width} x {height}, {theme}: {says:?}");
                 assert_eq!(page.text("#why-more"), "", "{width} x {height}, {theme}: {says:?}");
+                assert_eq!(page.text("#worst span"), says[0], "{width} x {height}, {theme}");
+                assert_eq!(page.text("#worst b"), n_more, "{width} x {height}, {theme}: {says:?}");
                 page.keep(&format!("reasons-{theme}-{width}"));
             }
         }
     }
+    let all: Vec<String> = reasons.iter().map(of).collect();
+    for (width, height) in SIZES {
+        page.resize(width, height);
+        assert_eq!(too_wide(&mut page, &all), json!([]), "at {width}");
+    }
+    assert_ne!(too_wide(&mut page, &["W".repeat(60)]), json!([]), "what is too wide is seen");
     page.resize(1024, 768);
     sender.say_fault(SlaveState::failed_drive_flags(2), &reasons[..9]);
     page.wait_for(
@@ -102,6 +130,9 @@ fn the_scale_and_the_locks_of_the_hand_are_said_while_the_drives_are_enabled() {
     let console = Console::of(&mut krait);
     let sender = ChainSender::start(&instance);
     let mut page = browser.page(&console.address, 1024, 768);
+    sender.say_fault(SlaveState::failed_drive_flags(2) | SlaveState::HARDWARE_STOP, &[Reason::DriveFault]);
+    let row = ["bad cut off", "unknown unknown", "unknown unknown", " \u{2013}"];
+    wait_for_row(&mut page, "nothing but the drives has spoken", row);
     let locks = OperatorInput::TRANSLATION_LOCKED | OperatorInput::ROTATION_LOCKED;
     let scale = "The hand moves the tip at 0.25 of the configured speed.";
     let [translation, rotation] =
@@ -121,9 +152,86 @@ fn the_scale_and_the_locks_of_the_hand_are_said_while_the_drives_are_enabled() {
         page.wait_for(&format!("{operating:?}, {scale_permille} permille: {expected:?}"), &are_reasons(&expected));
         assert_eq!(page.value(CUT), json!(""), "{expected:?}");
     }
+    the_row_and_the_bars_say_what_the_chain_says(&mut page, &sender);
     drop(sender);
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
+}
+
+/// Waits until the row of what following needs has these classes and words.
+fn wait_for_row(page: &mut BrowserPage, what: &str, expected: [&str; 4]) {
+    let mut shown = Vec::new();
+    let is_shown = wait_until(PATIENCE, || {
+        shown = needs_shown(page).map(|[class, word, _]| format!("{class} {word}")).to_vec();
+        shown == expected
+    });
+    assert!(is_shown, "{what}: {shown:?}, expected {expected:?}");
+}
+
+/// The row of what following needs in each of its words, yes and no told apart by their marks; the bars at and beyond their limits, in the
+/// colours of the backbones, and a load that nobody measures.
+fn the_row_and_the_bars_say_what_the_chain_says(page: &mut BrowserPage, sender: &ChainSender) {
+    use OperatingState::{Disabled, Enabled, Fault, Paused};
+    let homed = SlaveState::IS_HOMED;
+    let scene = |operating, slave, operator, device| {
+        ChainScene::of(operating, slave, &[]).driven(operator, device, Phase::Holding)
+    };
+    let (present, live) = (OperatorInput::OPERATOR_PRESENT, DeviceState::Live);
+    let mut slow = scene(Enabled, homed, present, live);
+    slow.setpoint.as_mut().expect("a setpoint").motion_scale = 0.374;
+    let mut marks = Vec::new();
+    for (scene, drives, operator, clutch, motion) in [
+        (scene(Fault, 0, present, live), "bad fault", " present", " released", " 100 %"),
+        (scene(Disabled, homed, present, live), " disabled", " present", " released", " 100 %"),
+        (scene(Enabled, SlaveState::IS_BUSY, present, live), " homing", " present", " released", " 100 %"),
+        (scene(Enabled, 0, present, live), " not homed", " present", " released", " 100 %"),
+        (scene(Paused, homed, present, live), " paused", " present", " released", " 100 %"),
+        (scene(Enabled, homed, present, live), " enabled", " present", " released", " 100 %"),
+        (slow, " enabled", " present", " released", " 37 %"),
+        (scene(Paused, homed, OperatorInput::CLUTCH, live), " paused", " absent", " pressed", " 100 %"),
+        (scene(Enabled, homed, present, DeviceState::Lost), " enabled", "odd lost", " released", " 100 %"),
+    ] {
+        sender.say(scene);
+        wait_for_row(page, &format!("{:?}", scene.state), [drives, operator, clutch, motion]);
+        marks.push(needs_shown(page).map(|[_, _, mark]| mark));
+    }
+    // Enabled, present, released; paused, absent, pressed.
+    let [yes, no] = [&marks[5], &marks[7]];
+    for k in 0..3 {
+        assert!(!yes[k].is_empty() && !no[k].is_empty() && yes[k] != no[k], "told apart without colour: {marks:?}");
+    }
+
+    let mut beyond = scene(Enabled, homed, present, live);
+    let state = beyond.state.as_mut().expect("a state");
+    state.measured_q_m[..3].copy_from_slice(&[1.0, -1.0, 0.0]);
+    state.measured_tau_n[..3].copy_from_slice(&[-1e4, f64::NAN, 0.0]);
+    sender.say(beyond);
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    page.wait_for(
+        "a load that nobody measures",
+        "[...document.querySelectorAll('#bars .newton')].map(own => own.textContent)[1] === 'not measured'",
+    );
+    let shown = bars_shown(page);
+    for (k, (bar, position, load, mm)) in [
+        (&shown[0], [0.5, 1.0], 1.0, "+1000.00"),
+        (&shown[1], [0.0, 0.5], 0.0, "\u{2212}1000.00"),
+        (&shown[2], [0.5, 0.5], 0.0, "\u{2007}0.00"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        assert_eq!((&bar["name"], &bar["mm"]), (&json!((k + 1).to_string()), &json!(mm)), "{bar}");
+        for (end, expected) in position.into_iter().enumerate() {
+            assert!((number(&bar["position"][end]) - expected).abs() < 0.02, "at its limit, not beyond: {bar}");
+        }
+        assert!((number(&bar["load"]) - load).abs() < 0.02 && bar["told"].is_null(), "{bar}");
+        let colour = format!(
+            "(hex => `rgb(${{[1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16)).join(', ')}})`)(getComputedStyle(document.documentElement).getPropertyValue('--line-{}').trim())",
+            k + 1
+        );
+        let own = page.value(&colour);
+        assert_eq!(bar["colours"], json!([own, own, own]), "the colour of its backbone: {bar}");
+    }
 }
 
 /// A recording as it was made, one with a command that is another by one bit, one with an input too few, and none at all.

@@ -4,8 +4,8 @@
 #![allow(clippy::expect_used, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_ipc::Reason;
-use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, SlaveState};
+use krait_ipc::message::{DeviceState, Health, OperatingState, OperatorInput, Phase, SlaveState};
+use krait_ipc::{Bus, Process, Reason, clock, health_channel};
 use krait_record::Recording;
 use krait_schema::Sample;
 use krait_tests::{
@@ -171,6 +171,34 @@ fn a_low_terminal_shows_state_reason_and_error_and_never_scrolls() {
         watched.press("q");
         assert!(wait_until(PATIENCE, || watched.child.try_wait().expect("watched").is_some()), "it ends");
     }
+    late_and_lost_samples_are_counted(&instance, &sender, scene);
+}
+
+/// Of the commands that the state answers, those beyond the budget are late, each once; lost are those that each process says it has lost.
+fn late_and_lost_samples_are_counted(instance: &str, sender: &ChainSender, mut scene: ChainScene) {
+    let mut watched = Watched::sized(instance, 40, 100);
+    watched.shows("latency     p50 -, p99 -, worst - us; 0 late, 0 lost");
+    for (command_sequence, whole_ns, counted) in [
+        (1, 200_000, "; 0 late, 0 lost"),
+        (2, 5_000_000_000, "; 1 late, 0 lost"),
+        (3, 4_000_000_000, "; 2 late, 0 lost"),
+    ] {
+        let state = scene.state.as_mut().expect("a state");
+        state.command_sequence = command_sequence;
+        (state.stamps.device_ns, state.stamps.drive_written_ns) = (1_000_000_000, 1_000_000_000 + whole_ns);
+        sender.say(scene);
+        watched.shows(counted);
+    }
+    let bus = Bus::open(instance, "test").expect("bus");
+    let mut healths = [Process::Resolve, Process::Compensate]
+        .map(|process| bus.writer_on::<Health>(&health_channel(process)).expect("the writer"));
+    for (writer, n_lost, counted) in [(0, 7, "; 2 late, 7 lost"), (1, 5, "; 2 late, 12 lost")] {
+        let health = Health { sequence: 1, sample_ns: clock::monotonic_ns(), n_lost, ..Health::default() };
+        healths[writer].send(&health).expect("sent");
+        watched.shows(counted);
+    }
+    watched.press("q");
+    assert!(wait_until(PATIENCE, || watched.child.try_wait().expect("watched").is_some()), "it ends");
 }
 
 #[test]

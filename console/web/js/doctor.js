@@ -8,11 +8,12 @@ const list = make('ul', 'findings'), ask = second('Ask again', () => askDoctor()
 let isAsked = false;
 
 const row = (mark, ...words) => make('li', mark, make('i', '', drawing(MARKS[mark].box, MARKS[mark].inner)), make('span', '', ...words));
-const whole = text => text.charAt(0).toUpperCase() + text.slice(1) + (/[.!?]$/.test(text) ? '' : '.');
+const ended = text => text + (/[.!?]$/.test(text) ? '' : '.');
+const sentenceOf = text => ended(text.charAt(0).toUpperCase() + text.slice(1));
 
 function sentence({ name, verdict, found, meaning, mend }) {
   const [mark, word] = LEVELS[verdict];
-  return row(mark, make('b', '', word), `${name}: ${whole(found)} ${whole(meaning)}`, ...(mend ? [` To mend it: ${whole(mend).replace(/`/g, '')}`] : []));
+  return row(mark, make('b', '', word), `${name}: ${ended(found)} ${sentenceOf(meaning)}`, ...(mend ? [` To mend it: ${ended(mend).replace(/`/g, '')}`] : []));
 }
 
 /// Asks, and again whenever somebody wants it.

@@ -140,7 +140,7 @@ function reasons(frame) {
   });
   const hand = frame.state?.operating === 'ENABLED' && frame.operator ? ofHand(frame.operator) : [];
   // Silence is no good news: only while it follows does nothing hold it back.
-  if (frame.shown === 'following' && items.every(({ level }) => level === 'info')) items.unshift({ level: 'ok', say: 'Nothing.', todo: frame.operator?.locked.length ? 'What is not locked of your motion passes.' : 'All of your motion passes.' });
+  if (frame.shown === 'following' && items.every(({ level }) => level === 'info')) items.unshift({ level: 'ok', say: 'Nothing.', alone: 'Nothing holds it back.', todo: frame.operator?.locked.length ? 'What is not locked of your motion passes.' : 'All of your motion passes.' });
   if (!items.length) items.push({ level: 'hold', say: `${STATES[frame.shown].word}.`, todo: STATES[frame.shown].say });
   return list([...items, ...hand], '');
 }
@@ -161,6 +161,16 @@ function list(items, state) {
     return make('li', level, icon, make('span', '', named(say)), make('small', '', named(todo)));
   });
   fit();
+  worst(items[0], items.filter(({ level }) => level !== 'info').length - 1);
+}
+
+/// The worst reason in the banner, readable from two metres, and how many of the others hold the motion back too.
+function worst({ level, say, alone }, nMore) {
+  const [icon, text, count] = $('worst').children;
+  $('worst').className = `worst ${level}`;
+  icon.replaceChildren(drawing(MARKS[level].box, MARKS[level].inner));
+  write(text, named(alone ?? say));
+  write(count, nMore > 0 ? `+${nMore}` : '');
 }
 
 /// As much as the card has room for, and none of it cut: what to do goes first, then size, and what is left out is counted.

@@ -6,9 +6,20 @@ import { degrees, machineOf, pairs } from './snake.js';
 const STALE_MS = 500, PATIENCE_MS = [0, 500, 1000, 2000, 5000], PING_EVERY_MS = 1000;
 const canvases = {};
 let scene = null, strip = null, replay = null, socket = null, colours = null, facts = null, machine = null, frame = null;
-let arrived = -Infinity, attempt = 0, isShown = true, isBlank = true, session = null, offset = null, bestTrip = Infinity, lastShape = null, recorded = null, glass = null;
+let arrived = -Infinity, attempt = 0, isShown = true, isBlank = true, session = null, offset = null, ahead = anyOffset(), lastShape = null, recorded = null, glass = null;
 
 const tell = (k, rest) => postMessage({ k, ...rest });
+
+// Between what the server's clock less this page's lies, ms, for all that is known.
+function anyOffset() { return { least: -Infinity, most: Infinity }; }
+
+// The server stamped a message before it came here, and an answer after it was asked for. Bounds that the clocks have drifted out of
+// since (a page by way of another machine) give way to the new ones.
+function narrow(stamp, asked, came) {
+  const least = stamp - came, most = stamp - asked, within = value => Math.min(Math.max(value, least), most);
+  ahead = { least: within(ahead.least), most: within(ahead.most) };
+  offset = ahead.most === Infinity ? null : (ahead.least + ahead.most) / 2;
+}
 
 function connect() {
   const url = `ws://${self.location.host}/live`;
@@ -17,7 +28,7 @@ function connect() {
   socket.onmessage = event => take(JSON.parse(event.data));
   socket.onclose = () => {
     offset = null;
-    bestTrip = Infinity;
+    ahead = anyOffset();
     setTimeout(connect, PATIENCE_MS[Math.min(attempt++, PATIENCE_MS.length - 1)]);
   };
 }
@@ -32,12 +43,7 @@ function take(message) {
       // Of joints nothing is known but their positions, which the page shows as bars.
       machine = facts.joints && !facts.joints.segments.length ? null : machineOf(facts);
       return tell('hello', { hello: message });
-    case 'pong': {
-      // The shortest trip knows the other clock best.
-      const now = performance.now(), trip = now - message.t;
-      if (trip <= bestTrip * 1.5) { bestTrip = Math.min(bestTrip, trip); offset = message.now_ms - (now - trip / 2); }
-      return undefined;
-    }
+    case 'pong': return narrow(message.now_ms, message.t, performance.now());
     default: return tell(message.k, { message });
   }
 }
@@ -45,6 +51,7 @@ function take(message) {
 function takeFrame(message) {
   frame = message;
   arrived = performance.now();
+  narrow(frame.t_ms, -Infinity, arrived);
   if (!facts) return;
   const bends = machine && shapeOf(frame).bends;
   if (bends && frame.shown !== 'stale') scene?.remember(bends, machine);

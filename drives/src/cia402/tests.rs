@@ -3,6 +3,7 @@
 mod emergencies;
 mod faults;
 mod opening;
+mod relaxing;
 mod returning;
 mod twelve;
 
@@ -70,7 +71,10 @@ impl Bench {
     }
 
     fn of(n: u8) -> Self {
-        let (bus, config) = several(n);
+        Self::with(several(n))
+    }
+
+    fn with((bus, config): (CanBus, SlaveConfig)) -> Self {
         let period_ns = (config.drive.period_ms * 1e6) as i64;
         let (wire, clock) = bus.own_time();
         let setup: BusSetup = open::setup(&config).unwrap_or_else(|error| panic!("{error}"));

@@ -4,7 +4,7 @@ use super::*;
 use crate::bus::{PerActuator, Trouble};
 use crate::exchange::Report;
 use crate::units::Units;
-use krait_slave::{ActuatorConfig, ActuatorState, DriveConfig, SlaveConfig};
+use krait_slave::{ActuatorConfig, ActuatorState, DriveConfig, DriveKind, SlaveConfig};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::sync::Mutex;
@@ -83,6 +83,10 @@ impl Bench {
     }
 
     fn with(drive: DriveConfig) -> Self {
+        Self::of(Self::whole(drive))
+    }
+
+    fn whole(drive: DriveConfig) -> SlaveConfig {
         // A newton is an ampere.
         let groups = drive.actuator.iter().map(|actuator| actuator.group).collect();
         let groups: Vec<u32> = if drive.actuator.is_empty() { vec![1; 3] } else { groups };
@@ -100,7 +104,11 @@ impl Bench {
             actuator: groups.iter().enumerate().map(actuator).collect(),
             ..drive
         };
-        let config = SlaveConfig { drive, ..SlaveConfig::default() };
+        SlaveConfig { drive, ..SlaveConfig::default() }
+    }
+
+    /// Of actuators that are whole.
+    fn of(config: SlaveConfig) -> Self {
         // A million counts a turn: rounding is no part of these tests.
         let units = |(k, actuator)| Units::new(actuator, k + 1, 1_000_000).unwrap();
         let units = config.drive.actuator.iter().enumerate().map(units).collect();

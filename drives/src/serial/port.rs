@@ -163,7 +163,7 @@ mod tests {
         assert!(matches!(missing, OpenError::NoSuchPort { .. }), "{missing}");
         let file = Port::open(Path::new("/dev/null"), 1_000_000).unwrap_err();
         assert!(matches!(file, OpenError::NotSerial { .. }), "{file}");
-        // Root may open everything, so what the kernel would say to others is given here.
+        // Which group it is; that the kernel says so is for tests/tests/drives/permission.rs.
         let refused = refused(Path::new("/dev/null"), Errno::ACCESS).to_string();
         assert!(refused.contains("group root") && refused.contains("usermod -aG root"), "{refused}");
     }

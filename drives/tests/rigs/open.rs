@@ -11,7 +11,7 @@ fn refusal(make: ServoMake, wire: ServoWire, change: impl Fn(&mut SlaveConfig)) 
     let mut config = config(make, &emulator);
     change(&mut config);
     let sentence = match open_drive(&config, None) {
-        Ok(drive) => match drive.traits().check(&config.limits) {
+        Ok(drive) => match drive.traits().check(&config) {
             Ok(()) => panic!("the drive was opened"),
             Err(error) => error.to_string(),
         },

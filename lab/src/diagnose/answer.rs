@@ -119,6 +119,13 @@ impl Diagnosis {
         slots
     }
 
+    /// An effect's own term, with fitted values.
+    pub fn term_of(&self, effect: &FoundEffect) -> Option<&Term> {
+        let slot = self.effects.iter().position(|own| own == effect)?;
+        let base = self.terms.len() - self.effects.len().min(self.terms.len());
+        place(&self.effects, slot, &self.terms, base).and_then(|place| self.terms.get(place))
+    }
+
     /// What the errors of the candidates are of, where that is another kind than every other error of the answer.
     pub fn candidates_error_is_of(&self) -> Option<&'static str> {
         let with_loads = "the error is of shape and loads together, a load's noise counted as the shape's";

@@ -198,7 +198,7 @@ fn usual(search: &Search) -> Option<Trial> {
     let found: Vec<usize> = USUAL.iter().filter(is_missing).filter_map(|name| place(name)).collect();
     let own = found.iter().map(|&k| {
         let candidate = &search.candidates[k];
-        Some(Term::new(candidate.name, candidate.starts.first()?.clone()))
+        Some(candidate.term(candidate.starts.first()?.clone()))
     });
     let effects: Vec<Term> = search.base.iter().cloned().map(Some).chain(own).collect::<Option<_>>()?;
     search.fitted(found, &effects).ok().filter(|usual| !search.imitates(usual))

@@ -1,8 +1,8 @@
 //! Screening: what each candidate would do to the residual, to first order, one simulation for each cell of its grid.
 
+use crate::Problem;
 use crate::fit::{Fit, dot, inverse};
 use crate::machine::Candidate;
-use crate::{Problem, Term};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -39,7 +39,7 @@ pub(super) fn screen_beside(problem: &Problem, fit: &Fit, candidates: &[Candidat
 }
 
 fn cells(problem: &Problem, fit: &Fit, candidates: &[Candidate], basis: &[Vec<f64>]) -> Vec<Cell> {
-    let known = |c: &Candidate| fit.effects.iter().any(|term| term.name == c.name);
+    let known = |c: &Candidate| fit.effects.iter().any(|term| term.label() == c.name);
     let jobs: Vec<(usize, usize)> = candidates
         .iter()
         .enumerate()
@@ -68,7 +68,7 @@ fn cell(
         let mut values = c.starts[start].clone();
         c.amplitudes.iter().filter(|other| **other != amplitude).for_each(|&other| values[other] = c.neutral[other]);
         let mut effects = fit.effects.clone();
-        effects.push(Term::new(c.name, values));
+        effects.push(c.term(values));
         let there = problem.residual(&effects).ok()?;
         columns.push(fit.residual.iter().zip(&there).map(|(a, b)| a - b).collect::<Vec<f64>>());
     }

@@ -219,7 +219,7 @@ impl<'a> Search<'a> {
                 values[k] = candidate.neutral[k] + factor * (values[k] - candidate.neutral[k]);
             }
         }
-        Term::new(candidate.name, values)
+        candidate.term(values)
     }
 
     /// Fits lists of effects; those that make no chain are left out.

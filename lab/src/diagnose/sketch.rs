@@ -6,6 +6,7 @@
 use super::{Diagnosis, FoundEffect};
 use crate::machine::MachineUnderTest;
 use crate::noise::bounds;
+use crate::offered::is_on_joint;
 use crate::{LabError, Measurements, Term};
 
 /// Where the motion turns, as shares of the way; the first lap brings hysteresis into its loop and is not drawn.
@@ -59,7 +60,9 @@ pub(super) fn place(found: &[FoundEffect], slot: usize, terms: &[Term], base: us
     let n_before = found[..slot].iter().filter(is_alike).count();
     let own = |(place, term): (usize, &Term)| {
         let joint = || term.values.first().map(|joint| joint.round() as usize);
-        let is_own = term.name == effect.name && effect.joint.is_none_or(|own| joint() == Some(own));
+        let is_of =
+            |own: usize| term.formula.as_ref().map_or_else(|| joint() == Some(own), |text| is_on_joint(text, own));
+        let is_own = term.label() == effect.name && effect.joint.is_none_or(is_of);
         (place >= base && is_own).then_some(place)
     };
     let places: Vec<usize> = terms.iter().enumerate().filter_map(own).collect();

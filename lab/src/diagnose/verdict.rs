@@ -54,7 +54,8 @@ pub(super) fn by_one_clock(
     let work = of_rows(data.select(&rows));
     let few = tried_rows(&work.data).map(|rows| (of_rows(work.data.select(&rows)), rows));
     let tried = few.as_ref().map_or(&work, |(few, _)| few);
-    let candidates = machine.candidates(data);
+    let mut candidates = machine.candidates(data);
+    candidates.extend(options.offered.iter().map(|own| own.candidate()));
     let base_variables = free_variables(machine, data, &options.free)?;
     let search = |problem| Search {
         problem,

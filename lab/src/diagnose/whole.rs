@@ -7,7 +7,7 @@ use super::locked;
 use super::model_free::model_free_rms;
 use super::verdict::by_one_clock;
 use crate::machine::{Freed, MachineUnderTest, freed};
-use crate::{LabError, Measurements, Quantity};
+use crate::{LabError, Measurements, Offered, Quantity, offered};
 
 /// How to diagnose.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,13 +20,22 @@ pub struct DiagnoseOptions {
     pub recordings: Vec<(String, usize)>,
     /// Parameters of the model's own effects that are free: effect's name and parameter's name.
     pub free: Vec<(String, String)>,
+    /// Formulas of the user's that take part beside the library's effects.
+    pub offered: Vec<Offered>,
     /// Whether all is done once more without a last part of the data, whose error then is that of a model which has not seen it.
     pub is_locked: bool,
 }
 
 impl Default for DiagnoseOptions {
     fn default() -> Self {
-        Self { seed: 1, max_effects: 5, recordings: Vec::new(), free: Vec::new(), is_locked: false }
+        Self {
+            seed: 1,
+            max_effects: 5,
+            recordings: Vec::new(),
+            free: Vec::new(),
+            offered: Vec::new(),
+            is_locked: false,
+        }
     }
 }
 
@@ -51,6 +60,7 @@ pub fn diagnose(
     data: &Measurements,
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
+    offered::check(&options.offered, machine, data)?;
     let diagnosis = open_diagnosis(machine, data, options)?;
     let remains = matches!(diagnosis.verdict, Verdict::Partly | Verdict::Unknown) || diagnosis.noise_floor.is_none();
     let model_free_rms = match remains {

@@ -2,10 +2,11 @@
 
 use super::answer;
 use super::beside::settle;
-use super::decide::{candidates, excluded, fast_noise, names_and_trials, problem};
+use super::decide::{candidates, fast_noise, problem};
 use super::floor::floor;
 use super::gate::{Blocks, held_out};
 use super::kind::Kind;
+use super::numbers::{excluded, names_and_trials};
 use super::refine::{Fit, Loss, refine};
 use super::search::Search;
 use super::signal::Signal;
@@ -64,8 +65,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
         noise = noise.zip(own_floor.sigma).map(|(sum, sigma)| sum + sigma * sigma);
         let values = terms::values(&signal, &fit, &problem);
         for (member, values) in fit.members.iter().zip(&values.members) {
-            let name = terms::name(member.kind, values);
-            terms.push(term(name, joint, values));
+            terms.push(term(member.kind, joint, values));
             for (variable, value) in fitted_variables(machine, &terms, values)? {
                 variables.push(variable);
                 robust.push(value.se);

@@ -73,14 +73,14 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
             let effect = effect(machine, own, slot, place, scale)?;
             let gained = own.steps[slot] - own.steps[slot + 1];
             if stands(own) {
-                let term = term(&effect.name, own.joint, &own.values.members[place]);
+                let term = term(kind, own.joint, &own.values.members[place]);
                 named.push((gained, effect, term));
             } else {
                 partial.push((gained, effect));
             }
         }
         if stands(own) {
-            terms.extend(own.in_chain().map(|(kind, values)| term(name(kind, values), own.joint, values)));
+            terms.extend(own.in_chain().map(|(kind, values)| term(kind, own.joint, values)));
         }
     }
     named.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -255,7 +255,7 @@ fn effect(machine: &JointsLab, own: &Found, slot: usize, place: usize, scale: f6
     let kind = own.order[slot];
     let values = &own.values.members[place];
     let name = name(kind, values);
-    let term = term(name, own.joint, values);
+    let term = term(kind, own.joint, values);
     let parameters = machine.parameters(&term)?.into_iter().zip(&term.values).map(|(parameter, &value)| {
         let fitted = values.iter().find(|v| v.name == parameter.name && (v.se > 0.0 || v.se_naive > 0.0));
         FoundParameter {
@@ -295,6 +295,7 @@ fn look_alikes(kind: Kind) -> &'static [&'static str] {
         Kind::Curve => &["cubic", "quadratic"],
         Kind::LinearDrift => &["linear-drift", "drift"],
         Kind::WarmUp => &["drift", "linear-drift"],
+        Kind::Own(own) => own.names(),
         Kind::Scale => &["scale"],
         Kind::Offset => &["offset"],
         Kind::Quadratic => &["quadratic"],
@@ -306,6 +307,7 @@ fn look_alikes(kind: Kind) -> &'static [&'static str] {
         Kind::Backlash => &["backlash"],
         Kind::BoucWen => &["bouc-wen"],
         Kind::Plays => &["prandtl-ishlinskii"],
+        Kind::UnevenPlays => &["generalised-prandtl-ishlinskii"],
         Kind::DeadZone => &["dead-zone"],
         Kind::Saturation => &["saturation"],
         Kind::Creep => &["creep"],
@@ -393,7 +395,9 @@ fn candidates(found: &[Found], effects: &[FoundEffect], scale: f64) -> Vec<Candi
     for own in found {
         for single in &own.singles {
             let name = single.kind.name();
-            let Some(definition) = JointEffect::from_name(name).map(JointEffect::definition) else { continue };
+            let of_library = || JointEffect::from_name(name).map(|own| own.definition().class.label());
+            let looks_like = if let Kind::Own(own) = single.kind { Some(own.class()) } else { of_library() };
+            let Some(looks_like) = looks_like else { continue };
             let class = effects.iter().find(|effect| effect.class.iter().any(|other| other == name));
             let state = match (effects.iter().position(|effect| effect.name == name), class) {
                 (Some(n), _) => format!("chosen, number {}", n + 1),
@@ -405,14 +409,14 @@ fn candidates(found: &[Found], effects: &[FoundEffect], scale: f64) -> Vec<Candi
             let others: f64 = found.iter().filter(|f| f.joint != own.joint).map(|f| f.before.mean_square).sum();
             let rms = (others + single.mean_square).sqrt() * scale;
             let answer = CandidateAnswer {
-                name: definition.name,
-                class: definition.class.label(),
+                name,
+                class: looks_like,
                 heldout_rms: Some(rms),
                 probability: class.map_or(0.0, |effect| effect.probability),
                 p_value: single.p_value,
                 state,
             };
-            match all.iter_mut().find(|other| other.name == definition.name) {
+            match all.iter_mut().find(|other| other.name == name) {
                 Some(other) if other.heldout_rms.is_some_and(|before| before <= rms) => {}
                 Some(other) => *other = answer,
                 None => all.push(answer),

@@ -7,22 +7,21 @@ use super::first::first;
 use super::floor::{Floor, floor};
 use super::gate::{Blocks, HeldOut, gate, held_out, in_errors, order};
 use super::kind::Kind;
+use super::numbers::{excluded, solutions};
 use super::own;
 use super::proposals::proposals;
 use super::refine::{Fit, Loss, as_given, refine, tangents};
 use super::search::{Plan, Search, n_effective};
 use super::signal::Signal;
 use super::simulate::Member;
-use super::solve::Solution;
 use super::starts::settled;
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
 use crate::diagnose::{
-    Calibration, DiagnoseOptions, Diagnosis, FormulaTerm, GroupShare, SAME, Structure, Verdict, rhythm, structure,
-    working_rows,
+    DiagnoseOptions, Diagnosis, FormulaTerm, GroupShare, SAME, Structure, Verdict, rhythm, structure, working_rows,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
-use crate::noise::{self, outliers};
+use crate::noise;
 use crate::stage::stage;
 use crate::{LabError, Measurements, Problem, scored_time_s};
 use rayon::prelude::*;
@@ -129,60 +128,6 @@ pub(crate) fn diagnose(
     answer::diagnosis(Answer { machine, data, options, found, own_values, hints, n_outliers: excluded.len() })
 }
 
-/// Rows that stand out from their neighbours, with gain and offset fitted.
-pub(super) fn excluded(machine: &JointsLab, data: &Measurements) -> Result<Vec<usize>, LabError> {
-    let calibrated = calibrated(machine, data)?;
-    let problem = Problem::new(&calibrated, data.clone(), &[], f64::INFINITY);
-    let residual = problem.residual(calibrated.effects())?;
-    Ok(outliers(&problem, &residual))
-}
-
-/// The machine with gains, offsets and where hysteresis begins fitted to these data, effects as they are.
-///
-/// # Errors
-/// [`LabError::Chain`] where the model as given cannot be computed.
-pub(crate) fn calibrated(machine: &JointsLab, data: &Measurements) -> Result<JointsLab, LabError> {
-    let (machine, _) = settled(machine, data, &[])?;
-    let solutions = solutions(&machine, data, &[0])?;
-    let (gains, offsets): (Vec<f64>, Vec<f64>) = solutions.iter().map(|own| (own.gains[0], own.offsets[0])).unzip();
-    Ok(machine.calibrated(&gains, &offsets))
-}
-
-/// Gain and offset of each joint in each recording as these data say, its effects as they are; without standard errors.
-///
-/// # Errors
-/// As [`calibrated`].
-pub(crate) fn calibration(
-    machine: &JointsLab,
-    data: &Measurements,
-    recordings: &[(String, usize)],
-) -> Result<Vec<Calibration>, LabError> {
-    let (names, first_trials) = names_and_trials(recordings);
-    let of = |(joint, own): (usize, Solution)| {
-        let numbers = |values: Vec<f64>| values.into_iter().map(|value| (value, 0.0)).collect();
-        let values = Values { gains: numbers(own.gains), offsets: numbers(own.offsets), members: Vec::new() };
-        answer::of_machine(machine, joint, &values, &names)
-    };
-    Ok(solutions(machine, data, &first_trials)?.into_iter().enumerate().flat_map(of).collect())
-}
-
-/// What the linear solve finds of each joint without further effects.
-fn solutions(machine: &JointsLab, data: &Measurements, recordings: &[usize]) -> Result<Vec<Solution>, LabError> {
-    let of = |joint: usize| {
-        let signal = Signal::new(machine, data, joint, &[], MOST_JUDGED, recordings)?;
-        let weight = vec![1.0; signal.rows.len()];
-        Ok(as_given(&signal, &[], Loss { weight: &weight, noise: 0.0 }).solution)
-    };
-    (0..data.n_outputs).map(of).collect()
-}
-
-/// Names of the recordings, and the first trial of each: one recording begins with the first.
-pub(super) fn names_and_trials(recordings: &[(String, usize)]) -> (Vec<String>, Vec<usize>) {
-    let (names, first_trials): (Vec<String>, Vec<usize>) = recordings.iter().cloned().unzip();
-    let first_trials = if first_trials.is_empty() { vec![0] } else { first_trials };
-    (names, first_trials)
-}
-
 struct Case<'a> {
     machine: &'a JointsLab,
     data: &'a Measurements,
@@ -197,13 +142,16 @@ impl Case<'_> {
         stage(&format!("Effects of joint {}", joint + 1));
         let recordings = self.options.first_trials();
         let signal = Signal::new(self.machine, self.work, joint, self.left_out, MOST_SEARCHED, &recordings)?;
-        let mut signal = signal.with_columns(self.work);
+        let line = self.line(joint)?;
+        let offered = &self.options.offered;
+        let mut signal = signal.with_columns(self.work).with_formulas(self.work, offered, line);
         // The last steps on all rows.
         let is_long = self.data.n_rows() > LONG;
         let all = if is_long { None } else { Some(self.data) };
         let judged = match all {
             Some(data) => {
-                Signal::new(self.machine, data, joint, self.excluded, MOST_JUDGED, &recordings)?.with_columns(data)
+                let all = Signal::new(self.machine, data, joint, self.excluded, MOST_JUDGED, &recordings)?;
+                all.with_columns(data).with_formulas(data, offered, line)
             }
             None => signal.clone(),
         };
@@ -213,6 +161,7 @@ impl Case<'_> {
         let loss = Loss { weight: &weight, noise };
         let mut candidates = if signal.moves() { candidates(&signal) } else { Vec::new() };
         if signal.moves() {
+            candidates.extend(offered.iter().copied().map(Kind::Own));
             candidates.extend(Kind::shapes(&signal));
         }
         let mut search = Search::new(&signal, loss, candidates);
@@ -229,6 +178,15 @@ impl Case<'_> {
         last.n_effective = n_effective(&best);
         stage("How sure each effect is");
         Ok(self.judge(&search, &last, best))
+    }
+
+    /// Gain and offset of a joint as a formula sees its position: as far as they are known before anything is found.
+    fn line(&self, joint: usize) -> Result<(f64, f64), LabError> {
+        if self.options.offered.is_empty() {
+            return Ok((1.0, 0.0));
+        }
+        let own = solutions(self.machine, self.work, &[0])?.swap_remove(joint);
+        Ok((own.gains[0], own.offsets[0]))
     }
 
     fn judge(&self, search: &Search, last: &Search, best: Fit) -> Found {

@@ -1,6 +1,7 @@
 //! The effects that may be missing from a joint, each with few parameters: where in the chain, what is nonlinear, where to look.
 
 use super::signal::Signal;
+use crate::Offered;
 use crate::noise::bounds;
 
 /// One effect, parameter-poor.
@@ -15,6 +16,7 @@ pub(super) enum Kind {
     Backlash,
     BoucWen,
     Plays,
+    UnevenPlays,
     LoadFriction,
     DeadZone,
     Saturation,
@@ -26,6 +28,8 @@ pub(super) enum Kind {
     WarmUp,
     Scale,
     Offset,
+    /// A formula of the user's.
+    Own(Offered),
     // Shapes that no effect of the library makes: what is left may look like one of them.
     Kink,
     Drag,
@@ -53,6 +57,7 @@ pub(super) enum Class {
     Coupling(usize),
     Proportional,
     Constant,
+    Own(Offered),
     /// Shapes are each of their own class.
     Shape(Kind),
 }
@@ -105,10 +110,28 @@ impl Range {
 const WIDEST_PLAY: f64 = 0.475;
 /// The same of hysteresis that also has weights: they and a wide one together imitate a creep.
 const WIDEST_WEIGHTED: f64 = 0.45;
+/// The bend of uneven hysteresis over half the range: from a half on its curve turns back at one end ...
+const MOST_UNEVEN: f64 = 0.48;
+/// ... and below this its loops are as wide on both sides: it is hysteresis of plain plays.
+const LEAST_UNEVEN: f64 = 0.08;
 /// Half waves over the record that make a slow wandering: the shortest lasts a fifth of the record.
 pub(super) const WAVES: usize = 10;
 /// An error with fewer periods in the whole range is a curve.
 const FEWEST_TURNS: f64 = 3.0;
+
+/// A parameter of a formula is looked for so far from the value that is given, in both directions.
+const FAR_FROM_GIVEN: f64 = 30.0;
+
+/// The range of a formula's parameter: one that is given positive stays so, of the others nothing is known.
+fn around(given: f64) -> Range {
+    let (low, high, scale) = if given > 0.0 {
+        (given / FAR_FROM_GIVEN, given * FAR_FROM_GIVEN, Coordinates::Log)
+    } else {
+        let size = if given == 0.0 { 1.0 } else { -given };
+        (-FAR_FROM_GIVEN * size, FAR_FROM_GIVEN * size, Coordinates::Linear(size))
+    };
+    Range { low, high, scale, ends_matter: false }
+}
 
 impl Kind {
     /// All that a joint can have.
@@ -121,6 +144,7 @@ impl Kind {
             Self::Backlash,
             Self::BoucWen,
             Self::Plays,
+            Self::UnevenPlays,
             Self::LoadFriction,
             Self::DeadZone,
             Self::Saturation,
@@ -145,7 +169,7 @@ impl Kind {
     pub fn class(self) -> Class {
         match self {
             Self::Latency | Self::RateLimit | Self::Lag | Self::SecondOrder => Class::Rate,
-            Self::Backlash | Self::BoucWen | Self::Plays => Class::Play,
+            Self::Backlash | Self::BoucWen | Self::Plays | Self::UnevenPlays => Class::Play,
             Self::LoadFriction => Class::Load,
             Self::DeadZone => Class::DeadZone,
             Self::Saturation => Class::Clipped,
@@ -156,6 +180,7 @@ impl Kind {
             Self::Offset => Class::Constant,
             Self::Periodic => Class::Periodic,
             Self::Coupling(from) => Class::Coupling(from),
+            Self::Own(own) => Class::Own(own),
             own => Class::Shape(own),
         }
     }
@@ -188,6 +213,7 @@ impl Kind {
             Self::Backlash => "backlash",
             Self::BoucWen => "bouc-wen",
             Self::Plays => "prandtl-ishlinskii",
+            Self::UnevenPlays => "generalised-prandtl-ishlinskii",
             Self::LoadFriction => "load-friction",
             Self::DeadZone => "dead-zone",
             Self::Saturation => "saturation",
@@ -198,6 +224,7 @@ impl Kind {
             Self::WarmUp => "drift",
             Self::Scale => "scale",
             Self::Offset => "offset",
+            Self::Own(own) => own.name(),
             Self::Kink => "the position, with another slope beyond some place",
             Self::Drag => "speed, by a power of it",
             Self::Jump => "time, with a jump",
@@ -226,19 +253,25 @@ impl Kind {
 
     /// Whether its memory may start anywhere.
     pub fn has_start(self) -> bool {
-        matches!(self, Self::Backlash | Self::BoucWen | Self::Plays)
+        matches!(self, Self::Backlash | Self::BoucWen | Self::Plays | Self::UnevenPlays)
+    }
+
+    /// Whether these values make it a plainer kind, which is a candidate too.
+    pub fn is_plainer(self, values: &[f64], s: &Signal) -> bool {
+        self == Self::UnevenPlays && values.get(1).is_some_and(|bend| bend.abs() * 0.5 * s.range < LEAST_UNEVEN)
     }
 
     /// Whether it can only lose motion: what it does to the position has the sign of the gain.
     pub fn lags_behind(self) -> bool {
-        matches!(self, Self::BoucWen | Self::Plays)
+        matches!(self, Self::BoucWen | Self::Plays | Self::UnevenPlays)
     }
 
     /// Amplitudes that are solved for.
     pub fn n_linear(self) -> usize {
         match self {
-            Self::Periodic | Self::Plays | Self::Curve | Self::Rhythm => 2,
+            Self::Periodic | Self::Plays | Self::UnevenPlays | Self::Curve | Self::Rhythm => 2,
             Self::Wander => WAVES,
+            Self::Own(own) => own.amplitudes().len(),
             own if own.carries() => 0,
             _ => 1,
         }
@@ -260,6 +293,11 @@ impl Kind {
             Self::RateLimit => vec![log(0.02 * s.fast, 1.2 * s.fast)],
             Self::Backlash => vec![log(2e-3 * r, WIDEST_PLAY * r)],
             Self::BoucWen | Self::Plays => vec![log(2e-3 * r, WIDEST_WEIGHTED * r)],
+            Self::UnevenPlays => {
+                let most = MOST_UNEVEN / (0.5 * r);
+                let scale = Coordinates::Linear(most);
+                vec![log(2e-3 * r, WIDEST_WEIGHTED * r), Range { low: -most, high: most, scale, ends_matter: true }]
+            }
             Self::LoadFriction => vec![log(0.005, 0.6)],
             Self::DeadZone => {
                 let scale = Coordinates::Linear(r);
@@ -286,6 +324,7 @@ impl Kind {
                 let range = s.range_of(k);
                 vec![log(0.01 * range, 0.4 * range)]
             }
+            Self::Own(own) => own.shapes().map(|(_, given)| around(given)).collect(),
             Self::Quadratic
             | Self::Cubic
             | Self::Curve
@@ -320,6 +359,10 @@ impl Kind {
             Self::SecondOrder => two(steps(0, 9), steps(1, 5)),
             Self::RateLimit | Self::LoadFriction => one(steps(0, 9)),
             Self::Backlash | Self::BoucWen | Self::Plays => one(steps(0, 14)),
+            Self::UnevenPlays => {
+                let bends = [-0.5, 0.5].map(|part| part * ranges[1].high);
+                two(steps(0, 8), bends.to_vec())
+            }
             Self::DeadZone => {
                 let centres = (1..=7).map(|k| s.low + s.range * (0.1 + 0.8 * (k - 1) as f64 / 6.0)).collect();
                 two(steps(0, 9), centres)
@@ -339,6 +382,7 @@ impl Kind {
                 one(all.filter(|hz| !s.is_of_motion(*hz)).collect())
             }
             Self::OtherPlay(_) => one(steps(0, 7)),
+            Self::Own(own) => own.grid(),
             _ => vec![Vec::new()],
         }
     }

@@ -14,6 +14,7 @@ mod first;
 mod floor;
 mod gate;
 mod kind;
+mod numbers;
 mod own;
 mod proposals;
 mod refine;
@@ -26,7 +27,8 @@ mod terms;
 
 pub(crate) use add::add;
 pub(crate) use beside::{middle, varying_number_of};
-pub(crate) use decide::{calibrated, diagnose};
+pub(crate) use decide::diagnose;
+pub(crate) use numbers::calibrated;
 pub(crate) use own::{Ground, OF_MACHINE, Start, Together, told};
 pub(crate) use signal::Number;
 pub(crate) use starts::{Starts, has_starts, with_starts};

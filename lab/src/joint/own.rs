@@ -199,7 +199,7 @@ fn beside(
     let (mut terms, mut variables) = (joints.effects().to_vec(), Vec::new());
     for own in found.iter().filter(|own| own.stands()) {
         for (kind, values) in own.in_chain() {
-            terms.push(term(name(kind, values), own.joint, values));
+            terms.push(term(kind, own.joint, values));
             variables.extend(fitted_variables(joints, &terms, values)?.into_iter().map(|(variable, _)| variable));
         }
     }

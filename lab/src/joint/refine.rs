@@ -62,7 +62,7 @@ impl Fit {
     }
 
     /// Whether a member imitates something else: a parameter lies at an end that matters, hysteresis
-    /// runs ahead of the motion, or a rhythm is the motion's.
+    /// runs ahead of the motion, a rhythm is the motion's, or its loops are no more uneven than those of a plainer kind.
     pub fn imitates(&self, signal: &Signal) -> bool {
         (0..self.members.len()).any(|i| self.member_imitates(signal, i))
     }
@@ -74,6 +74,7 @@ impl Fit {
         let is_motion = own.kind == Kind::Rhythm && signal.is_of_motion(own.values[0]);
         at_end
             || is_motion
+            || own.kind.is_plainer(&own.values, signal)
             || own.kind.lags_behind() && self.amplitudes(i).iter().any(|a| a * self.solution.gains[0] < 0.0)
     }
 

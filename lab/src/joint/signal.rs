@@ -3,7 +3,10 @@
 use crate::diagnose::turns;
 use crate::machine::JointsLab;
 use crate::noise::bounds;
-use crate::{LabError, Measurements};
+use crate::{LabError, Measurements, Offered};
+use krait_model::Circumstances;
+use krait_model::joints::AtJoint;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// One joint's measurements.
@@ -51,6 +54,8 @@ pub(super) struct Signal {
     pub fast: f64,
     /// Columns beside commands and measurements that may act on the joint; none where nobody asked ([`Signal::with_columns`]).
     pub columns: Vec<Column>,
+    /// What formulas see beside commands and positions; nothing where none is offered ([`Signal::with_formulas`]).
+    pub formulas: Arc<Formulas>,
     /// What the model knows of gain and offset.
     pub gain: Number,
     /// The same for the offset.
@@ -64,6 +69,58 @@ pub(super) struct Column {
     pub values: Arc<Vec<f64>>,
     pub middle: f64,
     pub half: f64,
+}
+
+/// What formulas see beside commands and positions, row by row.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Formulas {
+    /// Gain and offset of the joint.
+    line: (f64, f64),
+    /// Sign of the last change of the command, 0 before the first.
+    motion: Vec<f64>,
+    temperature_c: Vec<f64>,
+    /// Columns by name, each gap as the row before.
+    columns: BTreeMap<&'static str, Vec<f64>>,
+}
+
+impl Formulas {
+    fn new(data: &Measurements, offered: &[Offered], signal: &Signal, line: (f64, f64)) -> Self {
+        let command = &signal.inputs[signal.joint];
+        let mut last = 0.0;
+        let motion = (0..signal.n()).map(|row| {
+            if signal.fresh[row] {
+                last = 0.0;
+            } else if command[row] != command[row - 1] {
+                last = (command[row] - command[row - 1]).signum();
+            }
+            last
+        });
+        let motion = motion.collect();
+        let without_gaps = |values: &[f64]| -> Vec<f64> {
+            let mut last = f64::NAN;
+            let held = values.iter().map(|value| {
+                last = if value.is_finite() { *value } else { last };
+                last
+            });
+            held.collect()
+        };
+        let names = offered.iter().flat_map(|own| own.columns());
+        Self {
+            line,
+            motion,
+            temperature_c: data.temperature_c.as_deref().map_or(Vec::new(), without_gaps),
+            columns: names.filter_map(|name| Some((name, without_gaps(data.beside(name)?)))).collect(),
+        }
+    }
+
+    fn at(&self, own: Offered, row: usize, time_s: f64) -> Circumstances {
+        let mut at = Circumstances::at(time_s);
+        at.temperature_c = self.temperature_c.get(row).copied().unwrap_or(f64::NAN);
+        for (value, name) in at.columns.iter_mut().zip(own.columns()) {
+            *value = self.columns.get(name).and_then(|own| own.get(row)).copied().unwrap_or(f64::NAN);
+        }
+        at
+    }
 }
 
 /// A frequency that makes much of a command.
@@ -163,6 +220,7 @@ impl Signal {
             typical_step_s: at(&steps, 0.5).unwrap_or(1.0),
             fast: at(&speeds, 0.995).filter(|speed| *speed > 0.0).unwrap_or(1.0),
             columns: Vec::new(),
+            formulas: Arc::new(Formulas::default()),
             gain: machine.gain_known(joint),
             offset: machine.offset_known(joint),
             inputs,
@@ -172,6 +230,26 @@ impl Signal {
     /// The same with the columns beside the motion, which take their time on long records.
     pub fn with_columns(self, data: &Measurements) -> Self {
         Self { columns: super::beside::columns(data, self.joint), ..self }
+    }
+
+    /// The same with what these formulas see; `line` is gain and offset of the joint.
+    pub fn with_formulas(self, data: &Measurements, offered: &[Offered], line: (f64, f64)) -> Self {
+        if offered.is_empty() {
+            return self;
+        }
+        let formulas = Formulas::new(data, offered, &self, line);
+        Self { formulas: Arc::new(formulas), ..self }
+    }
+
+    /// What a formula adds in a row with one of its amplitudes 1, where the position before it is `x`.
+    pub fn formula(&self, own: Offered, row: usize, x: &[f64], amplitude: usize, shapes: &[f64]) -> f64 {
+        let here = AtJoint {
+            u: self.inputs[self.joint][row],
+            y: self.formulas.line.0 * (x[row] + self.base_added[row]) + self.formulas.line.1,
+            motion: self.formulas.motion[row],
+            joint: self.joint,
+        };
+        own.column(here, &self.formulas.at(own, row, self.time_s[row]), amplitude, shapes)
     }
 
     /// Whether the joint was told to move and did: else nothing can be said of it.

@@ -3,7 +3,7 @@
 use super::kind::{Kind, WAVES};
 use super::signal::Signal;
 use core::f64::consts::{PI, TAU};
-use krait_model::joints::{bouc_wen, lag_step, load_play, play, second_order_ramp, second_order_step};
+use krait_model::joints::{REACHES, bouc_wen, lag_step, load_play, play, second_order_ramp, second_order_step};
 use std::sync::Arc;
 
 /// One effect with the values of its nonlinear parameters, and where its memory starts in each trial, -1 to 1.
@@ -160,9 +160,7 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
     let unit = |row: usize| (x[row] - middle) / (0.5 * s.range);
     match member.kind {
         Kind::Coupling(from) => vec![on_rows(&|row| s.inputs[from][row])],
-        Kind::Periodic => {
-            vec![on_rows(&|row| (TAU * own[row] / values[0]).sin()), on_rows(&|row| (TAU * own[row] / values[0]).cos())]
-        }
+        Kind::Periodic => waves(s, |row| TAU * own[row] / values[0]),
         Kind::BoucWen => {
             let (mut z, mut last) = (0.0, 0.0);
             let all: Vec<f64> = (0..x.len())
@@ -177,6 +175,11 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
         Kind::Plays => {
             let [wide, narrow] = [1.0, 1.0 / 3.0].map(|part| played(s, x, |_| part * values[0], &member.starts));
             vec![on_rows(&|row| wide[row] - x[row]), on_rows(&|row| narrow[row] - x[row])]
+        }
+        Kind::UnevenPlays => {
+            let bent: Vec<f64> = x.iter().map(|x| x + values[1] * (x - middle).powi(2)).collect();
+            let [wide, narrow] = [1.0, REACHES[1]].map(|part| played(s, &bent, |_| part * values[0], &member.starts));
+            vec![on_rows(&|row| wide[row] - bent[row]), on_rows(&|row| narrow[row] - bent[row])]
         }
         Kind::LoadFriction => {
             let p = with_memory(s, x, |last, x, _| load_play(last, x, values[0]));
@@ -203,9 +206,10 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
             let wave = |n: usize| on_rows(&|row| (PI * n as f64 * row as f64 / s.n() as f64).cos());
             (1..=WAVES).map(wave).collect()
         }
-        Kind::Rhythm => {
-            let wave = |row: usize| (TAU * values[0] * s.time_s[row]).sin_cos();
-            vec![on_rows(&|row| wave(row).0), on_rows(&|row| wave(row).1)]
+        Kind::Rhythm => waves(s, |row| TAU * values[0] * s.time_s[row]),
+        Kind::Own(own) => {
+            let column = |amplitude: usize| on_rows(&|row| s.formula(own, row, x, amplitude, values));
+            (0..member.kind.n_linear()).map(column).collect()
         }
         Kind::Fading => vec![on_rows(&|row| unit(row) * row as f64 / s.n() as f64)],
         Kind::Product(k) => vec![on_rows(&|row| unit(row) * s.inputs[k][row])],
@@ -217,6 +221,12 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
         }
         _ => Vec::new(),
     }
+}
+
+/// Sine and cosine of an angle, rad, on the rows of the loss.
+fn waves(s: &Signal, angle_rad: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
+    let (sines, cosines) = s.rows.iter().map(|&row| angle_rad(row).sin_cos()).unzip();
+    vec![sines, cosines]
 }
 
 fn with_memory(s: &Signal, x: &[f64], step: impl Fn(f64, f64, f64) -> f64) -> Vec<f64> {

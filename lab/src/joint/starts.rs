@@ -105,12 +105,12 @@ pub(crate) fn settled(
     recordings: &[(String, usize)],
 ) -> Result<(JointsLab, Vec<Calibration>), LabError> {
     let mut joints = joints.clone();
-    let mut calibration = super::decide::calibration(&joints, data, recordings)?;
+    let mut calibration = super::numbers::calibration(&joints, data, recordings)?;
     if has_starts(joints.effects(), data.n_inputs) {
         // A start that is wrong draws the gain, and the gain the start.
         for _ in 0..TURNS {
             joints = with_starts(&joints, joints.effects(), data, &calibration, recordings)?;
-            calibration = super::decide::calibration(&joints, data, recordings)?;
+            calibration = super::numbers::calibration(&joints, data, recordings)?;
         }
     }
     Ok((joints, calibration))

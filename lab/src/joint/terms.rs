@@ -181,6 +181,13 @@ fn of_member(
             amplitude("weight2", 1, 1.0 / gain),
             shape("half_width2", 0, 1.0 / 3.0),
         ],
+        Kind::UnevenPlays => vec![
+            shape("reach", 0, 1.0),
+            shape("bend", 1, 1.0),
+            fixed("centre", middle),
+            amplitude("weight2", 1, 1.0 / gain),
+            amplitude("weight4", 0, 1.0 / gain),
+        ],
         Kind::LoadFriction => vec![amplitude("share", 0, 1.0 / gain), shape("friction", 0, 1.0)],
         Kind::DeadZone => vec![shape("half_width", 0, 1.0), shape("centre", 1, 1.0)],
         Kind::Saturation => vec![shape("limit", 0, 1.0)],
@@ -229,6 +236,10 @@ fn of_member(
             ]
         }
         Kind::Coupling(from) => vec![fixed("from", from as f64 + 1.0), amplitude("k", 0, 1.0 / gain)],
+        Kind::Own(formula) => {
+            let sizes = formula.amplitudes().enumerate().map(|(k, (_, name))| amplitude(name, k, 1.0));
+            sizes.chain(formula.shapes().enumerate().map(|(k, (name, _))| shape(name, k, 1.0))).collect()
+        }
         // A shape is no effect of a model file.
         _ => Vec::new(),
     }
@@ -241,7 +252,11 @@ pub(super) fn name(kind: Kind, values: &[Value]) -> &'static str {
 }
 
 /// A found effect as an effect of a model file, of this joint.
-pub(super) fn term(name: &str, joint: usize, values: &[Value]) -> Term {
+pub(super) fn term(kind: Kind, joint: usize, values: &[Value]) -> Term {
+    if let Kind::Own(own) = kind {
+        return own.term(joint, |name| values.iter().find(|own| own.name == name).map(|own| own.value));
+    }
+    let name = name(kind, values);
     let definition = JointEffect::from_name(name).map(JointEffect::definition);
     let parameters = definition.map_or(&[] as &[_], |definition| definition.parameters);
     let value = |parameter: &krait_model::effects::ParameterSpec| {

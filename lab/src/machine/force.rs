@@ -239,6 +239,7 @@ fn candidate(effect: ForceEffect, data: &Measurements) -> Candidate {
         starts,
         highest: highest.map(|highest| (1 + n_amplitudes, highest)),
         periodic: None,
+        formula: None,
     }
 }
 

@@ -146,6 +146,7 @@ fn candidate(effect: JointEffect, search: Search, n: usize) -> Candidate {
         starts,
         highest: None,
         periodic: None,
+        formula: None,
     }
 }
 

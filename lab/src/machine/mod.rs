@@ -20,6 +20,7 @@ pub(crate) use snake::{acting, nearest};
 use crate::{FittedData, LabError, Measurements, Parameter, Term};
 
 use krait_model::EffectSetting;
+use krait_model::effects::FormulaText;
 use krait_model::model_file::{self, ModelFile};
 
 /// The machine of a model file.
@@ -74,6 +75,18 @@ pub struct Candidate {
     pub highest: Option<(usize, f64)>,
     /// How it is periodic in the inputs, if it is: its columns then follow from what a shift of each input does.
     pub periodic: Option<Periodic>,
+    /// The user's own equation, of an effect that is offered.
+    pub formula: Option<FormulaText>,
+}
+
+impl Candidate {
+    /// The effect with these values.
+    pub fn term(&self, values: Vec<f64>) -> Term {
+        match &self.formula {
+            Some(formula) => Term { values, formula: Some(formula.clone()), ..Term::new("formula", Vec::new()) },
+            None => Term::new(self.name, values),
+        }
+    }
 }
 
 /// A number of the machine that its model file leaves to the fits, as a parameter of one entry of [`MachineUnderTest::effects`].

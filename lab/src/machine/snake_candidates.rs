@@ -119,6 +119,7 @@ fn candidate(kind: EffectKind, search: &Search, data: &Measurements) -> Candidat
         starts,
         highest: None,
         periodic,
+        formula: None,
         free: amplitudes.iter().copied().chain(search.shapes.iter().map(|name| place(name))).collect(),
         amplitudes,
         neutral,

@@ -44,7 +44,7 @@ pub struct AxisCurve {
 pub fn residual_curves(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<ResidualCurves, LabError> {
     let calibrated = machine.calibrated_on(data)?;
     let machine = calibrated.as_deref().unwrap_or(machine);
-    let rows = Rows::new(machine, data, vec![("model".to_owned(), machine.predict(machine.effects(), data)?)]);
+    let rows = Rows::new(machine, data, vec![("model".to_owned(), machine.predict(machine.effects(), data)?)], None);
     let step = rows.scored.len().div_ceil(MOST_ROWS).max(1);
     let shown: Vec<usize> = rows.scored.iter().copied().step_by(step).collect();
     let axis = |(k, name): (usize, String)| {

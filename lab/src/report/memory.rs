@@ -1,8 +1,8 @@
 //! What the machine remembers: the residual against travel since a reversal, and against time at rest.
 
-use super::picture::{Picture, layout, line};
+use super::picture::{Picture, layout, whiskers};
 use super::rows::Rows;
-use plotly::common::Mode;
+use super::visits::{Points, Visits};
 use plotly::layout::{Axis, AxisType};
 
 /// Bins of the travel.
@@ -12,26 +12,12 @@ const N_HOLD: usize = 14;
 const HOLD_STEP: f64 = 1.7;
 /// First bin of the time at rest ends here, s.
 const HOLD_FIRST_S: f64 = 0.2;
-/// Fewer rows than this make no point.
-const FEWEST: usize = 8;
-/// Joints that are drawn.
-const MOST_AXES: usize = 4;
-
-fn axes(rows: &Rows) -> usize {
-    if rows.is_snake() { 1 } else { rows.data.n_outputs.min(MOST_AXES) }
-}
-
-/// Sums and counts of bins as points; bins with few rows are left out.
-fn points(bins: &[(f64, usize)], at: impl Fn(usize) -> f64) -> (Vec<f64>, Vec<f64>) {
-    let full = bins.iter().enumerate().filter(|(_, (_, n))| *n >= FEWEST);
-    full.map(|(k, (sum, n))| (at(k), sum / *n as f64)).unzip()
-}
 
 /// Mean residual in the direction of motion against travel since the last reversal.
 pub(super) fn travel(rows: &Rows) -> Picture {
     let title = "Travel since the last reversal";
     let mut traces: Vec<Box<dyn plotly::Trace>> = Vec::new();
-    for axis in 0..axes(rows) {
+    for axis in rows.drawn_axes() {
         let travel = rows.travel(axis);
         let counted = || rows.scored.iter().copied().filter(|&row| travel[row].0 != 0);
         let longest = counted().map(|row| travel[row].1).fold(0.0, f64::max);
@@ -41,25 +27,23 @@ pub(super) fn travel(rows: &Rows) -> Picture {
         // Squares: what happens after a reversal happens soon.
         let edge = |k: f64| longest * (k / N_TRAVEL as f64).powi(2);
         for (m, (model, _)) in rows.models.iter().enumerate() {
-            let mut bins = vec![(0.0, 0); N_TRAVEL];
+            let mut visits = Visits::new(N_TRAVEL);
             for row in counted() {
                 let residual = rows.residual(m, row, axis) * f64::from(travel[row].0);
                 let k = ((travel[row].1 / longest).sqrt() * N_TRAVEL as f64) as usize;
-                if residual.is_finite() {
-                    let own = &mut bins[k.min(N_TRAVEL - 1)];
-                    *own = (own.0 + residual, own.1 + 1);
-                }
+                visits.add(Some(k.min(N_TRAVEL - 1)), residual);
             }
-            let (x, y) = points(&bins, |k| edge(k as f64 + 0.5));
+            let points = visits.points(|k| edge(k as f64 + 0.5));
             let name = format!("{}, {model}", rows.axes()[axis]);
-            traces.push(line(&name, m + 1 + 2 * axis, x, y).mode(Mode::LinesMarkers));
+            traces.push(whiskers(&name, m + 1 + 2 * axis, points));
         }
     }
     if traces.is_empty() {
         return Picture::none(title, "The inputs never reverse, so these data do not show what a reversal does.");
     }
     let sentence = "Mean residual, positive in the direction of motion: a ramp that ends at a level is play, as wide as the \
-                    ramp; an exponential approach is micro-slip (Dahl, Bouc-Wen); a level from the start is dry friction.";
+                    ramp; an exponential approach is micro-slip (Dahl, Bouc-Wen); a level from the start is dry friction. \
+                    Whiskers: twice the standard error over visits.";
     let x = format!("travel since the last reversal ({})", rows.unit);
     Picture::new(title, sentence, &x, &format!("residual ({})", rows.unit), traces)
 }
@@ -68,13 +52,13 @@ pub(super) fn travel(rows: &Rows) -> Picture {
 pub(super) fn holds(rows: &Rows) -> Picture {
     let title = "Time at rest";
     let mut traces: Vec<Box<dyn plotly::Trace>> = Vec::new();
-    for axis in 0..axes(rows) {
+    for axis in rows.drawn_axes() {
         let travel = rows.travel(axis);
         for (m, (model, _)) in rows.models.iter().enumerate() {
-            let (x, y) = relaxation(rows, m, axis, &travel);
-            if !x.is_empty() {
+            let points = relaxation(rows, m, axis, &travel);
+            if !points.x.is_empty() {
                 let name = format!("{}, {model}", rows.axes()[axis]);
-                traces.push(line(&name, m + 1 + 2 * axis, x, y).mode(Mode::LinesMarkers));
+                traces.push(whiskers(&name, m + 1 + 2 * axis, points));
             }
         }
     }
@@ -82,24 +66,24 @@ pub(super) fn holds(rows: &Rows) -> Picture {
         return Picture::none(title, "The machine never rests long enough in these data to show what rest does.");
     }
     let sentence = "Change of the residual since the machine stopped, positive in the direction of the motion before: a slope \
-                    on this logarithmic axis is creep or relaxation, a level line means that nothing happens at rest.";
+                    on this logarithmic axis is creep or relaxation, a level line means that nothing happens at rest. \
+                    Whiskers: twice the standard error over rests.";
     let own = layout("", &format!("change of the residual ({})", rows.unit))
         .x_axis(Axis::new().title("time at rest (s)").type_(AxisType::Log));
     Picture::with_layout(title, sentence, own, traces)
 }
 
-fn relaxation(rows: &Rows, model: usize, axis: usize, travel: &[(i8, f64)]) -> (Vec<f64>, Vec<f64>) {
-    let mut bins = vec![(0.0, 0_usize); N_HOLD];
+fn relaxation(rows: &Rows, model: usize, axis: usize, travel: &[(i8, f64)]) -> Points {
+    let mut visits = Visits::new(N_HOLD);
     let mut start = (0.0, 0_usize);
     let mut own: Vec<(f64, f64)> = Vec::new();
     let mut finish = |start: &mut (f64, usize), own: &mut Vec<(f64, f64)>| {
         let first = start.0 / start.1.max(1) as f64;
         for (rest_s, residual) in own.drain(..).filter(|_| start.1 > 0) {
             let k = ((rest_s / HOLD_FIRST_S).ln() / HOLD_STEP.ln()).max(0.0) as usize;
-            if let Some(bin) = bins.get_mut(k) {
-                *bin = (bin.0 + residual - first, bin.1 + 1);
-            }
+            visits.add(Some(k), residual - first);
         }
+        visits.add(None, 0.0);
         *start = (0.0, 0);
     };
     let mut last_s = 0.0;
@@ -119,5 +103,5 @@ fn relaxation(rows: &Rows, model: usize, axis: usize, travel: &[(i8, f64)]) -> (
         }
     }
     finish(&mut start, &mut own);
-    points(&bins, |k| HOLD_FIRST_S * HOLD_STEP.powf(k as f64 + 0.5))
+    visits.points(|k| HOLD_FIRST_S * HOLD_STEP.powf(k as f64 + 0.5))
 }

@@ -8,13 +8,15 @@ mod curves;
 mod direction;
 pub mod html;
 mod memory;
-mod overlay;
 pub mod page;
 pub mod picture;
 mod places;
+mod residual;
 mod rows;
 mod sketch;
 mod tables;
+mod verdict;
+mod visits;
 mod waterfall;
 
 pub use curves::{AxisCurve, ResidualCurves, residual_curves};
@@ -56,18 +58,22 @@ pub fn diagnosis_page(
     let given = if diagnosis.calibrated.is_some() { "model after calibration" } else { "model as given" };
     let mut models = vec![(given.to_owned(), calibrated.predict(calibrated.effects(), data)?)];
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
-    if !found.is_empty() {
+    // Hypotheses of joints are in no chain, so that there is nothing to predict with them.
+    if diagnosis.terms.len() > machine.effects().len() {
         let names: Vec<&str> = found.iter().map(|effect| effect.name.as_str()).collect();
         models.push((format!("with {}", names.join(" and ")), calibrated.predict(&diagnosis.terms, data)?));
     }
-    let rows = Rows::new(machine, data, models);
+    let rows = Rows::new(machine, data, models, diagnosis.noise_floor);
+    let unit = machine.error_unit().0;
     let mut page = Page::new(&format!("Diagnosis of {}", data.source), origin, data, Some(diagnosis.seed));
-    page.push(tables::summary(diagnosis, machine.error_unit().0));
-    page.section("Error after each effect", waterfall::of_diagnosis(machine, data, diagnosis)?);
-    page.push(tables::found(found, machine.error_unit().0, diagnosis.effects.is_empty()));
+    page.push(tables::verdict(diagnosis, &data.names));
+    residuals(&mut page, &rows);
+    page.section("Error after each effect", waterfall::of_diagnosis(machine, data, diagnosis, &rows)?);
+    page.push(tables::found(found, &data.names, unit, diagnosis.effects.is_empty()));
     page.push(tables::look_alikes(found));
+    page.push(tables::summary(diagnosis, unit));
     pictures(&mut page, &rows);
-    page.push(tables::candidates(diagnosis, machine.error_unit().0));
+    page.push(tables::candidates(diagnosis, unit));
     page.push(tables::remaining(diagnosis));
     Ok(page.finish())
 }
@@ -84,8 +90,15 @@ pub fn comparison_page(
 ) -> Result<String, LabError> {
     let calibrated = machine.calibrated_on(data)?;
     let machine = calibrated.as_deref().unwrap_or(machine);
-    let rows = Rows::new(machine, data, vec![("model".to_owned(), machine.predict(machine.effects(), data)?)]);
+    let rows = Rows::new(
+        machine,
+        data,
+        vec![("model".to_owned(), machine.predict(machine.effects(), data)?)],
+        comparison.noise_floor,
+    );
     let mut page = Page::new(&format!("Model and measurement: {}", data.source), origin, data, None);
+    page.push(tables::compared(comparison));
+    residuals(&mut page, &rows);
     page.push(tables::comparison(comparison));
     pictures(&mut page, &rows);
     page.push(tables::places(comparison));
@@ -111,9 +124,12 @@ pub fn added_page(
         (format!("with {what}"), machine.predict(&added.terms, data)?),
     ];
     let mut page = Page::new(&format!("{what} added, on {}", data.source), origin, data, None);
+    let rows = Rows::new(machine, data, models, added.noise_floor);
     page.push(tables::added(added, what, unit));
+    residuals(&mut page, &rows);
     page.section("Error before and after", vec![waterfall::of_added(machine, data, added, what)?]);
-    pictures(&mut page, &Rows::new(machine, data, models));
+    page.push(tables::fitted(added));
+    pictures(&mut page, &rows);
     Ok(page.finish())
 }
 
@@ -127,6 +143,7 @@ pub fn history_page(file: &ModelFile, model: &str, origin: PageOrigin) -> String
         let step = |name: String, rms: f64| Step { name, rms, half_width: None };
         let mut steps = vec![step("model at first".to_owned(), first.heldout_rms.before)];
         steps.extend(history.iter().map(|own| step(format!("+ {}", own.effect), own.heldout_rms.after)));
+        page.push(tables::grown(first, last));
         let picture = waterfall::picture(&steps, last.heldout_rms.noise_floor, &last.unit);
         page.section("Error after each effect", vec![picture]);
         page.push(tables::history(history));
@@ -136,11 +153,18 @@ pub fn history_page(file: &ModelFile, model: &str, origin: PageOrigin) -> String
     page.finish()
 }
 
-/// What the pages show of rows.
+/// What the pages show of rows first: the residual over time and its loops.
+fn residuals(page: &mut Page, rows: &Rows) {
+    page.section(
+        "What the model leaves",
+        vec![residual::over_time(rows), residual::worst(rows), residual::loops(rows)],
+    );
+}
+
+/// What else the pages show of rows.
 fn pictures(page: &mut Page, rows: &Rows) {
-    page.section("Measured and predicted", vec![overlay::whole(rows), overlay::worst(rows)]);
     page.section("Where it fails", vec![places::map(rows), places::speed(rows)]);
-    page.section("Direction of motion", vec![direction::split(rows), direction::loops(rows)]);
+    page.section("Direction of motion", vec![direction::split(rows)]);
     page.section("Memory", vec![memory::travel(rows), memory::holds(rows)]);
     page.section("Autocorrelation of the residual", vec![correlation::picture(rows)]);
 }

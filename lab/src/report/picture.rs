@@ -1,8 +1,9 @@
 //! One picture: a plot, its heading, and a sentence that says what to see in it.
 
 use super::html::escape;
-use plotly::common::{DashType, Line, Mode};
-use plotly::layout::{Axis, Legend};
+use super::visits::Points;
+use plotly::common::{Anchor, DashType, ErrorData, ErrorType, Line, Mode};
+use plotly::layout::{Annotation, Axis, Legend, Shape, ShapeLine, ShapeType};
 use plotly::{Configuration, Layout, Plot, Scatter, Trace};
 
 /// Colours that also the colour-blind tell apart: measurement, model as given, model with effects, others.
@@ -77,6 +78,50 @@ pub fn output_line(name: &str, colour: usize, output: usize, x: Vec<f64>, y: Vec
     const DASHES: [DashType; 4] = [DashType::Solid, DashType::Dash, DashType::Dot, DashType::DashDot];
     let own = Line::new().color(COLOURS[colour % COLOURS.len()]).width(1.5).dash(DASHES[output % DASHES.len()].clone());
     line(name, colour, x, y).line(own)
+}
+
+/// Means with their error bars.
+pub(super) fn whiskers(name: &str, colour: usize, points: Points) -> Box<Scatter<f64, f64>> {
+    let bars = ErrorData::new(ErrorType::Data).array(thin(points.whisker));
+    line(name, colour, points.x, points.mean).mode(Mode::LinesMarkers).error_y(bars)
+}
+
+/// The noise floor as a line across a picture, with its name and value; nothing where it is not known.
+pub struct Floor {
+    level: Option<f64>,
+    label: String,
+}
+
+impl Floor {
+    /// At this level, in `unit`.
+    pub fn new(level: Option<f64>, name: &str, unit: &str) -> Self {
+        let label = level.map_or(String::new(), |level| format!("{name} {level:.3} {unit}"));
+        Self { level: level.filter(|level| level.is_finite()), label }
+    }
+
+    /// One line, of errors that have no sign.
+    pub fn on(self, layout: Layout) -> Layout {
+        let levels: Vec<f64> = self.level.into_iter().collect();
+        self.drawn(layout, &levels)
+    }
+
+    /// Two lines, of errors with a sign.
+    pub fn on_both_sides(self, layout: Layout) -> Layout {
+        let levels: Vec<f64> = self.level.into_iter().flat_map(|level| [level, -level]).collect();
+        self.drawn(layout, &levels)
+    }
+
+    fn drawn(&self, layout: Layout, levels: &[f64]) -> Layout {
+        let Some(&first) = levels.first() else { return layout };
+        let line = |&level: &f64| {
+            let style = ShapeLine::new().color(COLOURS[3]).width(1.5).dash(DashType::Dash);
+            let own = Shape::new().shape_type(ShapeType::Line).x_ref("paper").x0(0.0).x1(1.0);
+            own.y_ref("y").y0(short(level)).y1(short(level)).line(style)
+        };
+        let name = Annotation::new().text(plain(&self.label)).show_arrow(false).x_ref("paper").x(1.0);
+        let name = name.x_anchor(Anchor::Right).y_ref("y").y(short(first)).y_anchor(Anchor::Bottom);
+        layout.shapes(levels.iter().map(line).collect()).annotations(vec![name])
+    }
 }
 
 /// A name in which the plotting script finds no markup of its own.

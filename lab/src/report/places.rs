@@ -1,7 +1,8 @@
 //! Where the model fails: the error over bend and plane, and over speed.
 
-use super::picture::{Picture, axis, layout, line, short};
+use super::picture::{Floor, Picture, axis, layout, short, whiskers};
 use super::rows::Rows;
+use super::visits::{Points, Visits};
 use crate::Quantity;
 use crate::noise::bounds;
 use plotly::HeatMap;
@@ -113,23 +114,34 @@ pub(super) fn speed(rows: &Rows) -> Picture {
         return Picture::none("Speed", "Too few rows in motion for a picture by speed.");
     }
     moving.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let bins: Vec<&[(f64, usize)]> = moving.chunks(moving.len().div_ceil(N_SPEEDS)).collect();
-    let middle: Vec<f64> = bins.iter().map(|bin| bin[bin.len() / 2].0).collect();
+    let size = moving.len().div_ceil(N_SPEEDS);
+    let middle: Vec<f64> = moving.chunks(size).map(|bin| bin[bin.len() / 2].0).collect();
+    let mut bin_of: Vec<(usize, usize)> = moving.iter().enumerate().map(|(k, (_, row))| (*row, k / size)).collect();
+    bin_of.sort_unstable();
     let traces = rows.models.iter().enumerate().map(|(m, (name, _))| {
-        let rms = |bin: &&[(f64, usize)]| {
-            (bin.iter().map(|(_, row)| rows.square(m, *row)).sum::<f64>() / bin.len().max(1) as f64).sqrt()
-        };
-        let own = line(name, m + 1, middle.clone(), bins.iter().map(rms).collect());
-        own.mode(plotly::common::Mode::LinesMarkers) as Box<dyn plotly::Trace>
+        let mut visits = Visits::new(N_SPEEDS);
+        let mut last = None;
+        for &(row, bin) in &bin_of {
+            if last.is_some_and(|last| row > last + 1) {
+                visits.add(None, 0.0);
+            }
+            visits.add(Some(bin), rows.square(m, row));
+            last = Some(row);
+        }
+        whiskers(name, m + 1, roots(visits.points(|bin| middle[bin]))) as Box<dyn plotly::Trace>
     });
     let traces = traces.collect();
     let sentence = "A curve that rises with speed points to latency or viscous friction, a level one to effects that do not \
-                    know time (each point: a tenth of the rows in motion).";
-    Picture::new(
-        "Speed",
-        sentence,
-        &format!("speed of the inputs ({}/s)", rows.input_unit.0),
-        &format!("error, rms ({})", rows.unit),
-        traces,
-    )
+                    know time (each point: a tenth of the rows in motion; whiskers: twice the standard error over visits).";
+    let x = format!("speed of the inputs ({}/s)", rows.input_unit.0);
+    let layout = layout(&x, &format!("error, rms ({})", rows.unit));
+    let floor = Floor::new(rows.floor, "noise floor", &rows.unit);
+    Picture::with_layout("Speed", sentence, floor.on(layout), traces)
+}
+
+/// Root mean squares of mean squares: d rms = d (mean square) / (2 rms).
+fn roots(points: Points) -> Points {
+    let mean: Vec<f64> = points.mean.iter().map(|square| square.sqrt()).collect();
+    let whisker = points.whisker.iter().zip(&mean).map(|(whisker, rms)| whisker / (2.0 * rms)).collect();
+    Points { mean, whisker, ..points }
 }

@@ -14,6 +14,8 @@ pub(super) struct Rows<'a> {
     /// Rows with a measurement.
     pub scored: Vec<usize>,
     pub motion: Vec<Motion>,
+    /// Length of the error that noise alone makes, rms, in the unit of errors; `None` where it is not known.
+    pub floor: Option<f64>,
     /// Unit of errors.
     pub unit: String,
     /// Units of errors to one of outputs.
@@ -24,11 +26,18 @@ pub(super) struct Rows<'a> {
 
 /// Below this bend, rad, noise decides what in-plane is.
 const PLANE_FROM_RAD: f64 = 0.05;
+/// Outputs that are drawn; more curves cannot be told apart.
+const MOST_DRAWN: usize = 4;
 /// Travel against the motion that is a reversal, as a share of the range.
 const REVERSAL: f64 = 0.02;
 
 impl<'a> Rows<'a> {
-    pub(super) fn new(machine: &dyn MachineUnderTest, data: &'a Measurements, models: Vec<(String, Vec<f64>)>) -> Self {
+    pub(super) fn new(
+        machine: &dyn MachineUnderTest,
+        data: &'a Measurements,
+        models: Vec<(String, Vec<f64>)>,
+        floor: Option<f64>,
+    ) -> Self {
         let (unit, scale) = machine.error_unit();
         let input_unit = match machine.input_unit() {
             "m" => ("mm".to_owned(), 1e3),
@@ -40,6 +49,7 @@ impl<'a> Rows<'a> {
             models,
             scored: (0..data.n_rows()).filter(|&row| data.is_scored(row)).collect(),
             motion: motion::all(data),
+            floor,
             unit: unit.to_owned(),
             scale,
             input_unit,
@@ -69,6 +79,41 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// The outputs that pictures have curves of, those with the largest error, in their own order.
+    pub(super) fn drawn(&self) -> Vec<usize> {
+        let error = |k: usize| self.scored.iter().map(|&row| self.off(0, row, k).powi(2)).sum::<f64>();
+        let mut all: Vec<(f64, usize)> = (0..self.data.n_outputs).map(|k| (error(k), k)).collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut drawn: Vec<usize> = all.into_iter().take(MOST_DRAWN).map(|(_, k)| k).collect();
+        drawn.sort_unstable();
+        drawn
+    }
+
+    /// The same of axes along which residuals are looked at; a snake's hysteresis is in its plane.
+    pub(super) fn drawn_axes(&self) -> Vec<usize> {
+        if self.is_snake() { vec![0] } else { self.drawn() }
+    }
+
+    /// What pictures say where not every output has a curve.
+    pub(super) fn left_out(&self) -> String {
+        let n = self.data.n_outputs;
+        if n <= MOST_DRAWN {
+            String::new()
+        } else {
+            format!("; of {n} outputs the {MOST_DRAWN} with the largest error")
+        }
+    }
+
+    /// The noise floor of one output, where all have the same.
+    pub(super) fn floor_of_one(&self) -> Option<f64> {
+        self.floor.map(|floor| floor / (self.data.n_outputs as f64).sqrt())
+    }
+
+    /// Measured minus predicted, of an output.
+    pub(super) fn off(&self, model: usize, row: usize, output: usize) -> f64 {
+        self.measured(row, output) - self.predicted(model, row, output)
+    }
+
     /// An output of a model, in the unit of errors.
     pub(super) fn predicted(&self, model: usize, row: usize, output: usize) -> f64 {
         let values = self.models.get(model).map_or(&[][..], |(_, values)| values);
@@ -82,7 +127,7 @@ impl<'a> Rows<'a> {
 
     /// Measured minus predicted, along an axis of [`Rows::axes`]; NaN where a snake is too straight to have a plane.
     pub(super) fn residual(&self, model: usize, row: usize, axis: usize) -> f64 {
-        let off = |k: usize| self.measured(row, k) - self.predicted(model, row, k);
+        let off = |k: usize| self.off(model, row, k);
         if !self.is_snake() {
             return off(axis);
         }
@@ -97,7 +142,7 @@ impl<'a> Rows<'a> {
 
     /// Square of the length of the residual.
     pub(super) fn square(&self, model: usize, row: usize) -> f64 {
-        (0..self.data.n_outputs).map(|k| (self.measured(row, k) - self.predicted(model, row, k)).powi(2)).sum()
+        (0..self.data.n_outputs).map(|k| self.off(model, row, k).powi(2)).sum()
     }
 
     /// Where the machine is along an axis: a snake's bend, a joint's own position.

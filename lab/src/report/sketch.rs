@@ -1,5 +1,6 @@
 //! The sketch of an effect as a small drawing: what it adds over the position, with the size of both written at the axes.
 
+use super::html::escape;
 use crate::diagnose::Sketch;
 use crate::noise::bounds;
 use core::fmt::Write;
@@ -24,7 +25,7 @@ pub(super) fn svg(sketch: &Sketch) -> String {
         // Writing to a string cannot fail.
         let _ok = write!(points, "{:.1},{:.1} ", x(*position), y(*change));
     }
-    let unit = &sketch.unit;
+    let unit = escape(&sketch.unit);
     let what = if sketch.is_across { "across the motion" } else { "along the motion" };
     let zero = y(0.0);
     let (end, foot) = (WIDTH - MARGIN, HEIGHT - 4.0);

@@ -2,10 +2,11 @@
 
 use super::html::{escape, table};
 use super::paragraph;
-use super::sketch;
+use super::{sketch, verdict};
 use crate::Added;
 use crate::compare::Comparison;
 use crate::diagnose::{Diagnosis, FoundEffect, capital};
+use crate::measurements::Names;
 use krait_model::effects::explanation;
 use krait_model::model_file::HistoryEntry;
 
@@ -16,9 +17,19 @@ fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or("-".to_owned(), |value| format!("{value:.digits$}"))
 }
 
-/// Verdict, set, confidence, cautions and what to do next: all that a reader in a hurry needs.
+/// The verdict in plain words, in those of the model's effects, and what to be careful about.
+pub(super) fn verdict(diagnosis: &Diagnosis, names: &Names) -> String {
+    let mut text = format!("<p class=\"verdict\">{}</p>\n", escape(&verdict::plain(diagnosis, names)));
+    text += &paragraph(&capital(&diagnosis.sentence));
+    for caution in &diagnosis.cautions {
+        text += &format!("<p class=\"caution\">Caution: {}</p>\n", escape(&capital(caution)));
+    }
+    text
+}
+
+/// Confidence, figures and what to do next.
 pub(super) fn summary(diagnosis: &Diagnosis, unit: &str) -> String {
-    let mut text = format!("<p class=\"verdict\">{}</p>\n", escape(&capital(&diagnosis.sentence)));
+    let mut text = "<h2>In numbers</h2>\n".to_owned();
     for effect in &diagnosis.effects {
         let sure = format!(
             "Confidence: {} came out best in {:.0} % of 500 resamplings of these data.",
@@ -29,9 +40,6 @@ pub(super) fn summary(diagnosis: &Diagnosis, unit: &str) -> String {
     }
     for own in &diagnosis.variations {
         text += &paragraph(&format!("{}.", capital(&own.sentence)));
-    }
-    for caution in &diagnosis.cautions {
-        text += &format!("<p class=\"caution\">Caution: {}</p>\n", escape(&capital(caution)));
     }
     let given = format!("{:.4} {unit}", diagnosis.as_given_rms);
     let given = diagnosis.is_calibrated().then_some(("error before calibration, rms".to_owned(), given));
@@ -65,7 +73,7 @@ fn either(class: &[String]) -> String {
 }
 
 /// The effects and their parameters.
-pub(super) fn found(found: &[FoundEffect], unit: &str, is_partial: bool) -> String {
+pub(super) fn found(found: &[FoundEffect], names: &Names, unit: &str, is_partial: bool) -> String {
     if found.is_empty() {
         return String::new();
     }
@@ -73,13 +81,13 @@ pub(super) fn found(found: &[FoundEffect], unit: &str, is_partial: bool) -> Stri
     let effect = |own: &FoundEffect| {
         let numbers = [own.before, own.after].map(|rms| format!("{rms:.4}"));
         let [before, after] = numbers;
-        vec![own.name.clone(), before, after, format!("{:.2}", own.probability)]
+        vec![label(own, names), before, after, format!("{:.2}", own.probability)]
     };
     let rows: Vec<Vec<String>> = found.iter().map(effect).collect();
     let before = format!("error before ({unit})");
     let mut text = format!("<h2>{heading}</h2>\n");
     for (effect, own) in found.iter().filter_map(|own| Some((own, explanation(&own.name)?))) {
-        text += &format!("<h3>{}: {}</h3>\n", escape(&effect.name), escape(own.title));
+        text += &format!("<h3>{}: {}</h3>\n", escape(&label(effect, names)), escape(own.title));
         text += &paragraph(&own.what);
         text += &effect.sketch.as_ref().map_or(String::new(), sketch::svg);
         text += &paragraph(&format!("To check on the machine: {}", own.check));
@@ -89,7 +97,7 @@ pub(super) fn found(found: &[FoundEffect], unit: &str, is_partial: bool) -> Stri
     for effect in found {
         for own in effect.parameters.iter().filter(|own| own.is_free) {
             rows.push(vec![
-                format!("{}.{}", effect.name, own.name),
+                format!("{}.{}", label(effect, names), own.name),
                 format!("{:.5e}", own.value),
                 format!("{:.1e}", own.se),
                 format!("{:.1e}", own.se_naive),
@@ -99,6 +107,11 @@ pub(super) fn found(found: &[FoundEffect], unit: &str, is_partial: bool) -> Stri
         }
     }
     text + &table(&["parameter", "value", "standard error", "(if rows were independent)", "unit", ""], &rows)
+}
+
+/// An effect and its joint.
+fn label(effect: &FoundEffect, names: &Names) -> String {
+    effect.joint.map_or(effect.name.clone(), |joint| format!("{}, {}", effect.name, names.joint(joint)))
 }
 
 /// Which effects these data cannot tell from those that were found.
@@ -162,10 +175,21 @@ pub(super) fn remaining(diagnosis: &Diagnosis) -> String {
     text + &table(&["depends on", "share of the rest's variance, on blocks not fitted to (%)", "p"], &rows)
 }
 
+/// How far the model is off, beside the noise, and where most.
+pub(super) fn compared(found: &Comparison) -> String {
+    let (unit, rms) = (&found.unit, found.error.rms);
+    let beside = match found.noise_floor {
+        Some(floor) => format!("; noise of the measurement alone makes {floor:.3} {unit}"),
+        None => "; how much of that is noise of the measurement is not known".to_owned(),
+    };
+    let text = format!("The model is off by {rms:.3} {unit} in the mean{beside}. {}", found.worst);
+    format!("<p class=\"verdict\">{}</p>\n", escape(&text))
+}
+
 /// The figures of a comparison.
 pub(super) fn comparison(found: &Comparison) -> String {
     let unit = &found.unit;
-    let mut text = format!("<p class=\"verdict\">{}</p>\n", escape(&found.worst));
+    let mut text = "<h2>In numbers</h2>\n".to_owned();
     let mut rows = vec![vec![
         "length of the error".to_owned(),
         format!("{:.4}", found.error.rms),
@@ -208,7 +232,7 @@ pub(super) fn places(found: &Comparison) -> String {
     format!("<h2>Where, in numbers</h2>\n{}", table(&head, &rows))
 }
 
-/// The fitted parameters of an added effect.
+/// What an added effect brings.
 pub(super) fn added(added: &Added, what: &str, unit: &str) -> String {
     let said = format!(
         "{what}: error {:.4} {unit} before, {:.4} {unit} after on data that it was not fitted to; noise floor {}.",
@@ -216,6 +240,11 @@ pub(super) fn added(added: &Added, what: &str, unit: &str) -> String {
         added.after,
         added.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.4} {unit}"))
     );
+    format!("<p class=\"verdict\">{}</p>\n", escape(&said))
+}
+
+/// The fitted parameters of an added effect.
+pub(super) fn fitted(added: &Added) -> String {
     let mut rows = Vec::new();
     for (k, own) in added.variables.iter().enumerate() {
         let se = added.uncertainty.robust.get(k).map_or("-".to_owned(), |se| format!("{se:.1e}"));
@@ -223,8 +252,19 @@ pub(super) fn added(added: &Added, what: &str, unit: &str) -> String {
         let value = format!("{:.5e}", own.value(&added.terms));
         rows.push(vec![own.name.clone(), value, se, own.unit.clone(), bound.to_owned()]);
     }
-    let head = ["parameter", "value", "standard error", "unit", ""];
-    format!("<p class=\"verdict\">{}</p>\n{}", escape(&said), table(&head, &rows))
+    table(&["parameter", "value", "standard error", "unit", ""], &rows)
+}
+
+/// What all effects of a history bring together.
+pub(super) fn grown(first: &HistoryEntry, last: &HistoryEntry) -> String {
+    let unit = &last.unit;
+    let (before, after) = (first.heldout_rms.before, last.heldout_rms.after);
+    let floor = last.heldout_rms.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.4} {unit}"));
+    let text = format!(
+        "Error {before:.4} {} before the first effect was added, {after:.4} {unit} after the last; noise floor {floor}.",
+        first.unit
+    );
+    format!("<p class=\"verdict\">{}</p>\n", escape(&text))
 }
 
 /// A model's history.

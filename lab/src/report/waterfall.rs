@@ -1,6 +1,7 @@
 //! The error after each effect, down to the noise floor, with intervals.
 
-use super::picture::{COLOURS, Picture, layout, plain, short};
+use super::picture::{COLOURS, Floor, Picture, layout, plain, short};
+use super::rows::Rows;
 use crate::diagnose::{Diagnosis, FoundEffect};
 use crate::fit::{Fit, Variable, fit, held_out_output_squares};
 use crate::machine::MachineUnderTest;
@@ -14,6 +15,8 @@ const FOLDS: usize = 6;
 /// Two-sided 95 % of a normal variable.
 const Z: f64 = 1.96;
 const ITERATIONS: u32 = 10;
+/// Stretches of time whose errors are compared where a list of effects does not hold all that was fitted.
+const STRETCHES: usize = 24;
 
 /// One bar: its name, the error, and half its 95 % interval where it is known.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,19 +31,29 @@ pub(super) fn of_diagnosis(
     machine: &dyn MachineUnderTest,
     data: &Measurements,
     diagnosis: &Diagnosis,
+    rows: &Rows,
 ) -> Result<Vec<Picture>, LabError> {
     let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
     let problem = prepare(machine, data)?.problem;
+    let half_width = |n_effects: usize, rms: f64| match (&diagnosis.calibrated, n_effects) {
+        (None, _) => half_width(&problem, diagnosis, found, n_effects),
+        // Joints are fitted with their calibration and start states, which a list of effects does not hold.
+        (Some(_), 0) => Ok(relative_half_width(rows, 0).map(|part| part * rms)),
+        (Some(_), n) if n == found.len() && rows.models.len() == 2 => {
+            Ok(relative_half_width(rows, 1).map(|part| part * rms))
+        }
+        (Some(_), _) => Ok(None),
+    };
     let mut steps = vec![Step {
         name: if diagnosis.is_calibrated() { "model after calibration" } else { "model as given" }.to_owned(),
         rms: diagnosis.base_heldout_rms,
-        half_width: half_width(&problem, diagnosis, found, 0)?,
+        half_width: half_width(0, diagnosis.base_heldout_rms)?,
     }];
     for (k, effect) in found.iter().enumerate() {
         steps.push(Step {
             name: format!("+ {}", effect.name),
             rms: effect.after,
-            half_width: half_width(&problem, diagnosis, found, k + 1)?,
+            half_width: half_width(k + 1, effect.after)?,
         });
     }
     Ok(vec![picture(&steps, diagnosis.noise_floor, machine.error_unit().0)])
@@ -71,10 +84,6 @@ fn half_width(
     found: &[FoundEffect],
     n_effects: usize,
 ) -> Result<Option<f64>, LabError> {
-    // Joints are fitted with their calibration and start states, which a list of effects does not hold.
-    if diagnosis.calibrated.is_some() {
-        return Ok(None);
-    }
     let base = problem.machine.effects().len();
     let effects: Vec<Term> = diagnosis.terms.iter().take(base + n_effects).cloned().collect();
     let mut variables = Vec::new();
@@ -92,15 +101,27 @@ fn half_width(
 /// Half the 95 % interval of a fit's held-out error, from how much it differs between blocks of time.
 fn interval(problem: &Problem, fitted: &Fit) -> Option<f64> {
     let squares = held_out_output_squares(problem, fitted, FOLDS);
+    let rms = problem.rms_of_outputs(squares.iter().sum()) * problem.machine.error_unit().1;
+    relative_of(&squares).map(|part| part * rms)
+}
+
+/// The same as a part of the error that a model leaves, from stretches of as many rows each.
+fn relative_half_width(rows: &Rows, model: usize) -> Option<f64> {
+    let size = rows.scored.len().div_ceil(STRETCHES).max(1);
+    let stretches = rows.scored.chunks_exact(size);
+    let squares: Vec<f64> = stretches.map(|own| own.iter().map(|&row| rows.square(model, row)).sum()).collect();
+    relative_of(&squares)
+}
+
+/// Half the interval of the root mean square, as a part of it: d rms = rms / 2 * d (mean square) / (mean square).
+fn relative_of(squares: &[f64]) -> Option<f64> {
     let n = squares.len() as f64;
     if squares.len() < 3 {
         return None;
     }
     let mean = squares.iter().sum::<f64>() / n;
     let variance = squares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let rms = problem.rms_of_outputs(squares.iter().sum()) * problem.machine.error_unit().1;
-    // d rms = rms / 2 * d (mean square) / (mean square).
-    (mean > 0.0).then(|| Z * 0.5 * rms * (variance / n).sqrt() / mean)
+    (mean > 0.0).then(|| Z * 0.5 * (variance / n).sqrt() / mean)
 }
 
 /// Share of what the first step leaves above the floor that a later one explains.
@@ -110,7 +131,7 @@ pub(super) fn explained(first: f64, rms: f64, floor: Option<f64>) -> Option<f64>
     (explainable > 0.0).then(|| (first * first - rms * rms) / explainable)
 }
 
-/// Bars of steps, and of the floor.
+/// Bars of steps, and the floor as a line.
 pub(super) fn picture(steps: &[Step], floor: Option<f64>, unit: &str) -> Picture {
     let first = steps.first().map_or(0.0, |step| step.rms);
     let text = |step: &Step| match explained(first, step.rms, floor) {
@@ -127,26 +148,30 @@ pub(super) fn picture(steps: &[Step], floor: Option<f64>, unit: &str) -> Picture
     for (name, step) in names.iter_mut().zip(steps) {
         *name = format!("{name}<br>{}", text(step));
     }
-    let mut values: Vec<f64> = steps.iter().map(|step| short(step.rms)).collect();
-    let mut whiskers: Vec<f64> = steps.iter().map(|step| short(step.half_width.unwrap_or(f64::NAN))).collect();
-    if let Some(floor) = floor {
-        names.push(format!("noise floor<br>{floor:.3} {}", plain(unit)));
-        values.push(short(floor));
-        whiskers.push(f64::NAN);
-    }
+    let values: Vec<f64> = steps.iter().map(|step| short(step.rms)).collect();
+    let whiskers: Vec<f64> = steps.iter().map(|step| short(step.half_width.unwrap_or(f64::NAN))).collect();
     let has_whiskers = whiskers.iter().any(|half| half.is_finite());
     let bars = Bar::new(names, values)
         .name(if has_whiskers { "error, rms; whiskers: 95 % interval" } else { "error, rms" })
         .marker(Marker::new().color(COLOURS[2]))
         .error_y(ErrorData::new(ErrorType::Data).array(whiskers));
     let sentence = "The fall of each bar is what its effect brings on data that it was not fitted to; where the last bar meets \
-                    the noise floor, nothing explainable is left (100 %).";
-    Picture::with_layout("Waterfall", sentence, layout("", &format!("error, rms ({unit})")), vec![bars])
+                    the line of the noise floor, nothing explainable is left (100 %).";
+    let layout = Floor::new(floor, "noise floor", unit).on(layout("", &format!("error, rms ({unit})")));
+    Picture::with_layout("Waterfall", sentence, layout, vec![bars])
 }
 
 #[cfg(test)]
 mod tests {
-    use super::explained;
+    use super::{explained, relative_of};
+
+    #[test]
+    fn the_interval_of_an_error_is_that_of_its_blocks() {
+        assert_eq!(relative_of(&[1.0, 1.0]), None);
+        // Mean 2, standard deviation sqrt(4 / 3) of 4 blocks.
+        let part = relative_of(&[1.0, 3.0, 1.0, 3.0]).unwrap_or_default();
+        assert!((part - 1.96 * 0.25 * (1.0_f64 / 3.0).sqrt()).abs() < 1e-12, "{part}");
+    }
 
     #[test]
     fn all_that_is_above_the_floor_is_what_can_be_explained() {

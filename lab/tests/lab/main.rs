@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
+mod answer;
 mod compare;
 mod diagnose;
 mod experiment;
@@ -14,6 +15,7 @@ mod joint_starts;
 mod joints;
 mod model_free;
 mod noise;
+mod offered;
 mod read_csv;
 mod read_recording;
 mod real;
@@ -21,4 +23,5 @@ mod report;
 mod second_log;
 mod segments;
 mod tip;
+mod uneven;
 mod verdict;

@@ -72,6 +72,27 @@ fn assert_alone_and_safe(page: &str) {
     assert!(page.len() < 8_000_000, "{} bytes", page.len());
 }
 
+/// These words, each behind the one before.
+fn assert_in_order(page: &str, words: &[&str]) {
+    let page = own(page);
+    let mut at = 0;
+    for word in words {
+        at += page[at..].find(word).unwrap_or_else(|| panic!("{word} is not on the page, or before {words:?}"));
+    }
+}
+
+/// The markup of the picture of this title.
+fn figure<'a>(page: &'a str, title: &str) -> &'a str {
+    let start = page.find(&format!("<b>{title}")).unwrap_or_else(|| panic!("no picture {title}"));
+    &page[start..start + page[start..].find("</figure>").expect("its end")]
+}
+
+/// The error bars of a picture.
+fn lengths(figure: &str) -> Vec<f64> {
+    let bars = figure.split("\"error_y\"").skip(1).filter_map(|own| own.split_once("\"array\":[")?.1.split_once(']'));
+    bars.flat_map(|(array, _)| array.split(',')).filter_map(|x| x.parse().ok()).collect()
+}
+
 #[test]
 fn a_page_of_a_diagnosis_is_whole_alone_safe_and_the_same_each_time() {
     let (machine, data) = (snake(), data());
@@ -86,12 +107,13 @@ fn a_page_of_a_diagnosis_is_whole_alone_safe_and_the_same_each_time() {
         "Error after each effect",
         "Missing effects",
         "What cannot be told apart",
-        "Whole record",
+        "Residual over time",
         "Worst seconds",
+        "Residual loops",
+        "To check on the machine",
         "Map.",
         "Speed.",
         "Direction split",
-        "Loops",
         "Travel since the last reversal",
         "Time at rest",
         "Autocorrelation.",
@@ -104,6 +126,34 @@ fn a_page_of_a_diagnosis_is_whole_alone_safe_and_the_same_each_time() {
     ] {
         assert!(first.contains(section), "{section}");
     }
+    assert_in_order(
+        &first,
+        &[
+            "class=\"verdict\"",
+            "Residual over time.",
+            "Worst seconds.",
+            "Residual loops.",
+            "Waterfall.",
+            "Missing effects",
+            "Next experiment",
+            "Direction split.",
+            "All candidates",
+        ],
+    );
+    assert!(!own(&first).contains(", measured"), "no curve of the measurement lies on one of the model");
+    for picture in ["Residual over time.", "Residual loops."] {
+        assert_eq!(
+            figure(&first, picture).matches("\"type\":\"line\"").count(),
+            2,
+            "the floor, above and below: {picture}"
+        );
+    }
+    for picture in ["Waterfall.", "Speed."] {
+        assert_eq!(figure(&first, picture).matches("\"type\":\"line\"").count(), 1, "the floor is a line: {picture}");
+    }
+    for picture in ["Waterfall.", "Speed.", "Direction split.", "Travel since the last reversal.", "Time at rest."] {
+        assert!(!lengths(figure(&first, picture)).is_empty(), "error bars: {picture}");
+    }
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool").install(page);
     assert!(first == one_thread, "the same bytes again, and with one thread");
 }
@@ -114,7 +164,9 @@ fn a_page_of_a_comparison_shows_the_error_and_where_it_is() {
     let found = compare(&machine, &data).expect("a comparison");
     let page = comparison_page(&machine, &data, &found, origin()).expect("a page");
     assert!(page.contains(&format!("{:.4}", found.error.rms)), "the figure of the terminal");
-    assert!(page.contains("Where, in numbers") && page.contains("Whole record"));
+    assert!(page.contains("Where, in numbers"));
+
+    assert_in_order(&page, &["class=\"verdict\"", "Residual over time.", "Residual loops.", "In numbers", "Map."]);
 
     let curves = residual_curves(&machine, &data).expect("curves");
     let [along, across] = &curves.axes[..] else { panic!("two axes: {curves:?}") };
@@ -161,7 +213,8 @@ fn a_page_of_an_added_effect_shows_it_before_and_after() {
     .expect("added");
     let page = added_page(&machine, &data, &added, "backlash", origin()).expect("a page");
     assert_alone_and_safe(&page);
-    assert!(page.contains("half_width_m") && page.contains("Error before and after"));
+    assert!(page.contains("half_width_m"));
+    assert_in_order(&page, &["class=\"verdict\"", "Residual over time.", "Error before and after", "half_width_m"]);
 }
 
 /// Two joints, the first with play, in radians.
@@ -198,15 +251,18 @@ fn pages_of_joints_show_each_output_and_no_bend() {
         &AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() },
     )
     .expect("added");
+    let diagnosed = diagnosis_page(&machine, &data, &found, origin()).expect("a page");
+    let verdict = "The model lacks &quot;play&quot; at joint 1";
+    assert!(diagnosed.contains(verdict), "what it is called, and where: {:?}", found.sentence);
+    assert_eq!(lengths(figure(&diagnosed, "Waterfall.")).len(), 2, "before and after, of joints too");
     for page in [
-        diagnosis_page(&machine, &data, &found, origin()).expect("a page"),
+        diagnosed,
         comparison_page(&machine, &data, &compared, origin()).expect("a page"),
         added_page(&machine, &data, &added, "backlash", origin()).expect("a page"),
     ] {
         let own = own(&page);
         assert_well_formed(&own);
-        for words in ["y1, measured", "y2, measured", "commanded position", "rising", "each joint", "Autocorrelation."]
-        {
+        for words in ["y1, model", "y2, model", "predicted position", "rising", "each joint", "Autocorrelation."] {
             assert!(own.contains(words), "{words}");
         }
         assert!(!own.contains("bend x") && !own.contains("plane delta"), "what only a snake has");
@@ -226,12 +282,6 @@ fn the_bars_of_an_added_effect_have_whiskers() {
     )
     .expect("added");
     let page = added_page(&machine, &data, &added, "backlash", origin()).expect("a page");
-    let bars = own(&page);
-    let bars = &bars[bars.find("Waterfall.").expect("the waterfall")..];
-    let whiskers = &bars[bars.find("error_y").expect("whiskers")..];
-    let array = &whiskers[whiskers.find("\"array\":[").expect("their lengths") + 9..];
-    let lengths: Vec<f64> =
-        array[..array.find(']').expect("an end")].split(',').filter_map(|x| x.parse().ok()).collect();
+    let lengths = lengths(figure(&page, "Waterfall."));
     assert!(lengths.len() == 2 && lengths.iter().all(|half| *half > 0.0 && *half < 0.5 * added.before), "{lengths:?}");
-    assert!(array.contains("null"), "the floor has none");
 }

@@ -4,6 +4,7 @@
 
 mod calibrate;
 mod lab_clock;
+mod lab_effects;
 mod lab_init;
 mod lab_quiz;
 mod lab_tutorial;

@@ -197,7 +197,10 @@ impl Predictor {
     /// Newton's method with halved steps from the shape of the step before.
     #[inline(always)]
     fn solve<const FULL: bool>(&mut self, p_m: &[f64; 3], now: &Now) -> Found {
-        let mut found = Found::new(self.y, self.ends, &self.seat_m, p_m);
+        let start = Found::new(self.y, self.ends, &self.seat_m, p_m);
+        // Trials are a kilobyte each: two places take turns, and none is copied on the way.
+        let (mut here, mut there) = (start, start);
+        let (mut found, mut next) = (&mut here, &mut there);
         let mut best = None::<Found>;
         let mut n_rises = 0;
         for n_iterations in 1..=MAX_ITERATIONS {
@@ -205,7 +208,8 @@ impl Predictor {
                 break;
             }
             let Some(step) = found.newton_step() else { break };
-            let next = Found { n_iterations, ..self.search::<FULL>(&found, step, p_m, now) };
+            self.search::<FULL>(found, step, p_m, now, next);
+            next.n_iterations = n_iterations;
             if next.largest() >= found.largest() || !next.largest().is_finite() {
                 n_rises += 1;
                 if n_rises > MAX_RISES || !next.largest().is_finite() || found.largest() < CONVERGED_M {
@@ -213,33 +217,48 @@ impl Predictor {
                 }
                 best = Some(found.better(best));
             }
-            found = next;
+            core::mem::swap(&mut found, &mut next);
         }
         found.better(best)
     }
 
     /// The first halving that reduces the residual, or else the full step.
     #[inline(always)]
-    fn search<const FULL: bool>(&mut self, from: &Found, step: Vector3<f64>, p_m: &[f64; 3], now: &Now) -> Found {
-        let full = self.try_step::<FULL>(from, step, p_m, now);
-        if full.largest() < from.largest() {
-            return full;
+    fn search<const FULL: bool>(
+        &mut self,
+        from: &Found,
+        step: Vector3<f64>,
+        p_m: &[f64; 3],
+        now: &Now,
+        next: &mut Found,
+    ) {
+        self.try_step::<FULL>(from, step, p_m, now, next);
+        if next.largest() < from.largest() {
+            return;
         }
+        let full = *next;
         let mut scale = 1.0;
         for _ in 1..MAX_HALVINGS {
             scale *= 0.5;
-            let trial = self.try_step::<FULL>(from, step * scale, p_m, now);
-            if trial.largest() < from.largest() {
-                return trial;
+            self.try_step::<FULL>(from, step * scale, p_m, now, next);
+            if next.largest() < from.largest() {
+                return;
             }
         }
-        full
+        *next = full;
     }
 
     #[inline]
-    fn try_step<const FULL: bool>(&mut self, from: &Found, step: Vector3<f64>, p_m: &[f64; 3], now: &Now) -> Found {
+    fn try_step<const FULL: bool>(
+        &mut self,
+        from: &Found,
+        step: Vector3<f64>,
+        p_m: &[f64; 3],
+        now: &Now,
+        next: &mut Found,
+    ) {
         let y = three(|k| from.y[k] - step[k]);
-        Found::new(y, self.ends_at::<FULL>(y, now), &self.seat_m, p_m)
+        *next = Found::new(y, self.ends_at::<FULL>(y, now), &self.seat_m, p_m);
     }
 
     #[inline(always)]

@@ -91,6 +91,12 @@ impl Formula {
         Ok(Self { places, ..Self::at(formula, JOINT)? })
     }
 
+    /// The same for whichever machine has its hook; places of columns are those in its own list.
+    pub(crate) fn of_any_machine(formula: &FormulaText) -> Result<Self, FormulaError> {
+        let hooks = if formula.hook == Hook::Joint { JOINT } else { ALL_HOOKS };
+        Ok(Self { places: (0..formula.columns.len()).collect(), ..Self::at(formula, hooks)? })
+    }
+
     fn at(formula: &FormulaText, hooks: &[Hook]) -> Result<Self, FormulaError> {
         let name = || formula.name.clone();
         if !hooks.contains(&formula.hook) {
@@ -177,48 +183,56 @@ impl Formula {
         for (own, given) in parameters.iter_mut().zip(&formula.parameters) {
             *own = given.value;
         }
-        for bend in [0.0, 1e-9, 0.1, 0.5, 1.0, 1.57] {
-            for delta in [-2.6, -1.1, 0.0, 0.8, 2.1_f64] {
-                for sign in [-1.0, 0.0, 1.0] {
-                    let (x, y) = (bend * delta.cos(), bend * delta.sin());
-                    let (q, tau) = (sign * 1.684e-3 * bend, sign * 20.0 * bend);
-                    let values = [
-                        bend,
-                        delta,
-                        x,
-                        y,
-                        q,
-                        q,
-                        q,
-                        q,
-                        tau,
-                        sign,
-                        q,
-                        0.0,
-                        1.0 + sign.abs(),
-                        10.0 * bend,
-                        sign,
-                        25.0,
-                        x,
-                        y,
-                        sign,
-                        1.0,
-                        q,
-                        sign,
-                        bend,
-                        x,
-                    ];
-                    let mut own = self.own(&values, |k| parameters[k]).map(Dual::<MAX_FORMULA_NAMES>::constant);
-                    own.iter_mut().enumerate().for_each(|(k, own)| *own = Dual::seed(own.value, k));
-                    if sum(&self.all, own.get(..self.names.len()).unwrap_or(&own)).is_none() {
-                        let (formula, text) = (formula.name.clone(), formula.text.clone());
-                        return Err(FormulaError::NotFinite { formula, text, bend_rad: bend, delta_rad: delta });
-                    }
-                }
+        for (values, bend_rad, delta_rad) in workspace() {
+            let mut own = self.own(&values, |k| parameters[k]).map(Dual::<MAX_FORMULA_NAMES>::constant);
+            own.iter_mut().enumerate().for_each(|(k, own)| *own = Dual::seed(own.value, k));
+            if sum(&self.all, own.get(..self.names.len()).unwrap_or(&own)).is_none() {
+                let (formula, text) = (formula.name.clone(), formula.text.clone());
+                return Err(FormulaError::NotFinite { formula, text, bend_rad, delta_rad });
             }
         }
         Ok(())
     }
+}
+
+/// Values of all variables over a grid of the workspace, each with its bend and plane, rad.
+pub(super) fn workspace() -> impl Iterator<Item = (Values<f64>, f64, f64)> {
+    const BENDS: [f64; 6] = [0.0, 1e-9, 0.1, 0.5, 1.0, 1.57];
+    const DELTAS: [f64; 5] = [-2.6, -1.1, 0.0, 0.8, 2.1];
+    let poses = BENDS.into_iter().flat_map(|bend| DELTAS.into_iter().map(move |delta| (bend, delta)));
+    poses.flat_map(|(bend, delta)| {
+        [-1.0, 0.0, 1.0].into_iter().map(move |sign: f64| {
+            let (x, y) = (bend * delta.cos(), bend * delta.sin());
+            let (q, tau) = (sign * 1.684e-3 * bend, sign * 20.0 * bend);
+            let values = [
+                bend,
+                delta,
+                x,
+                y,
+                q,
+                q,
+                q,
+                q,
+                tau,
+                sign,
+                q,
+                0.0,
+                1.0 + sign.abs(),
+                10.0 * bend,
+                sign,
+                25.0,
+                x,
+                y,
+                sign,
+                1.0,
+                q,
+                sign,
+                bend,
+                x,
+            ];
+            (values, bend, delta)
+        })
+    })
 }
 
 fn parse<const K: usize>(formula: &FormulaText) -> Result<Expression<K>, FormulaError> {

@@ -132,6 +132,12 @@ pub(crate) fn set_axis<S: Real>(values: &mut Values<S>, axis: f64) {
     values[11] = S::constant(axis);
 }
 
+/// The same variables at another joint and another component of the bend vector: a formula may be of one of them alone.
+pub(super) fn of_part(mut values: Values<f64>, joint: f64, axis: f64) -> Values<f64> {
+    (values[11], values[COLUMNS - 1]) = (axis, joint);
+    values
+}
+
 /// delta with its tangents, which count as zero where delta has no meaning.
 fn plane<S: Real>(b: [S; 2], square: f64) -> S {
     let delta = b[1].value().atan2(b[0].value());

@@ -10,6 +10,7 @@
 
 mod chain;
 mod effect;
+mod formula;
 mod hysteresis;
 mod inverse;
 mod plausible;
@@ -19,6 +20,7 @@ mod slopes;
 
 pub use chain::{JointChain, JointParts, JointPredictor};
 pub use effect::JointEffect;
+pub use formula::{AtJoint, JointFormula};
 pub use hysteresis::{REACHES, load_play};
 pub use inverse::{JointCommand, JointCompensator, JointInverseSettings};
 pub use plausible::JointImplausible;

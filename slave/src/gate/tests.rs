@@ -3,8 +3,14 @@
 use super::*;
 use krait_ipc::message::lines;
 
-const LIMITS: GateLimits =
-    GateLimits { rate_m_per_s: 30e-3, acceleration_m_per_s2: 20.0, jerk_m_per_s3: 40e3, deceleration_m_per_s2: 1.0 };
+const LIMITS: GateLimits = GateLimits {
+    rate_m_per_s: [RATE_M_PER_S; MAX_ACTUATORS],
+    acceleration_m_per_s2: [ACCELERATION_M_PER_S2; MAX_ACTUATORS],
+    jerk_m_per_s3: 40e3,
+    deceleration_m_per_s2: 1.0,
+};
+const RATE_M_PER_S: f64 = 30e-3;
+const ACCELERATION_M_PER_S2: f64 = 20.0;
 
 /// Numbers that look random and are the same everywhere.
 struct Numbers(u64);
@@ -52,11 +58,11 @@ fn whatever_is_asked_whenever_no_write_passes_rate_acceleration_or_jerk() {
         }
         let credit_s = elapsed_ns.min(PERIOD_NS) as f64 * 1e-9;
         let step_m = largest(minus(gate.q_m, before.q_m));
-        assert!(step_m <= LIMITS.rate_m_per_s * credit_s + 1e-15, "{k}: {step_m} m in {credit_s} s");
+        assert!(step_m <= RATE_M_PER_S * credit_s + 1e-15, "{k}: {step_m} m in {credit_s} s");
         let (v0, a0) = if is_rested { (STILL, STILL) } else { (before.velocity_m_per_s, before.acceleration_m_per_s2) };
         let acceleration = largest(minus(gate.velocity_m_per_s, v0)) / credit_s;
-        let is_at_rate = largest(gate.velocity_m_per_s) >= LIMITS.rate_m_per_s * (1.0 - 1e-6);
-        assert!(acceleration <= LIMITS.acceleration_m_per_s2 * 1.001 + 1e-3, "{k}: {acceleration} m/s2");
+        let is_at_rate = largest(gate.velocity_m_per_s) >= RATE_M_PER_S * (1.0 - 1e-6);
+        assert!(acceleration <= ACCELERATION_M_PER_S2 * 1.001 + 1e-3, "{k}: {acceleration} m/s2");
         let jerk = largest(minus(gate.acceleration_m_per_s2, a0)) / credit_s;
         assert!(jerk <= LIMITS.jerk_m_per_s3 * 1.001 + 1.0 || is_at_rate, "{k}: {jerk} m/s3");
     }
@@ -67,8 +73,8 @@ fn whatever_is_asked_whenever_no_write_passes_rate_acceleration_or_jerk() {
 fn a_target_is_reached_exactly_without_swinging_past_it() {
     for (limits, n_ms) in [
         (LIMITS, 80),
-        (GateLimits { acceleration_m_per_s2: 1.0, jerk_m_per_s3: 1e3, ..LIMITS }, 200),
-        (GateLimits { acceleration_m_per_s2: 1.0, jerk_m_per_s3: 1e6, ..LIMITS }, 200),
+        (GateLimits { acceleration_m_per_s2: [1.0; 12], jerk_m_per_s3: 1e3, ..LIMITS }, 200),
+        (GateLimits { acceleration_m_per_s2: [1.0; 12], jerk_m_per_s3: 1e6, ..LIMITS }, 200),
     ] {
         let (mut gate, target_m) = (Gate::new(limits), lines([-1e-3, 0.5e-3, 0.5e-3]));
         let mut past_m: f64 = 0.0;
@@ -129,4 +135,51 @@ fn drives_that_were_not_written_for_long_do_not_go_on_where_they_left_off() {
     }
     assert!(!gate.is_still());
     assert!(gate.brake(500_000_000).is_none() && gate.is_still());
+}
+
+#[test]
+fn an_actuator_with_limits_of_its_own_never_passes_them_and_all_slow_down_with_it_by_one_factor() {
+    let (mut limits, target_m) = (LIMITS, lines([-1e-3, 0.5e-3, 0.5e-3]));
+    (limits.rate_m_per_s[1], limits.acceleration_m_per_s2[1]) = (6e-3, 2.0);
+    let (mut gate, mut fastest_m_per_s, mut n_reasons) = (Gate::new(limits), STILL, 0);
+    for ms in 1..=200 {
+        let mut findings = Findings::default();
+        let write = gate.toward(target_m, STILL, ms * 1_000_000, &mut findings);
+        let change_m_per_s = minus(write.velocity_m_per_s, gate.velocity_m_per_s);
+        assert!(change_m_per_s[1].abs() <= 2.0 * 1e-3 + 1e-12, "{ms} ms: {change_m_per_s:?}");
+        n_reasons += u32::from(findings.reasons().contains(Reason::ActuatorRateLimit));
+        gate.commit(&write, ms * 1_000_000);
+        assert!((gate.q_m()[0] + 2.0 * gate.q_m()[1]).abs() < 1e-15, "the direction stays");
+        fastest_m_per_s = core::array::from_fn(|k| gate.velocity_m_per_s[k].abs().max(fastest_m_per_s[k]));
+    }
+    assert_eq!(gate.q_m(), target_m);
+    assert!(
+        (fastest_m_per_s[1] - 6e-3).abs() < 1e-9 && (fastest_m_per_s[0] - 12e-3).abs() < 1e-9,
+        "{fastest_m_per_s:?}"
+    );
+    assert!(n_reasons > 10, "{n_reasons}");
+}
+
+#[test]
+fn a_stop_brakes_all_by_one_factor_and_none_harder_than_the_stop_whatever_their_own_accelerations() {
+    let mut limits = LIMITS;
+    limits.acceleration_m_per_s2[1] = LIMITS.deceleration_m_per_s2;
+    let mut gate = Gate::new(limits);
+    for ms in 1..=60 {
+        let way = f64::from(ms) * 10e-6;
+        go(&mut gate, lines([0.5 * way, way, -0.5 * way]), i64::from(ms) * 1_000_000);
+    }
+    let (mut now_ns, mut n_steps) = (60_000_000, 0);
+    loop {
+        now_ns += 1_000_000;
+        let before = gate;
+        let Some(write) = gate.brake(now_ns) else { break };
+        gate.commit(&write, now_ns);
+        let change_m_per_s = minus(gate.velocity_m_per_s, before.velocity_m_per_s);
+        assert!(largest(change_m_per_s) <= LIMITS.deceleration_m_per_s2 * 1e-3 + 1e-12, "{change_m_per_s:?}");
+        assert!((gate.velocity_m_per_s[1] - 2.0 * gate.velocity_m_per_s[0]).abs() < 1e-6, "the direction stays");
+        n_steps += 1;
+        assert!(n_steps < 40, "it ends");
+    }
+    assert!(n_steps >= 8, "{n_steps}");
 }

@@ -10,8 +10,8 @@ use krait_ipc::message::{Command, HopStamps, OperatingState, Phase, SlaveState, 
 use krait_ipc::{Reason, Reasons};
 use krait_sim::{SimulatedSnake, Truth};
 use krait_slave::{
-    ActuatorState, Actuators, Drive, DriveError, DriveReading, DriveTraits, Homing, OnFault, SlaveConfig, SlaveCore,
-    Switching, TransitionRefused, lines,
+    ActuatorConfig, ActuatorState, Actuators, Drive, DriveConfig, DriveError, DriveKind, DriveReading, DriveTraits,
+    Homing, OnFault, SlaveConfig, SlaveCore, Switching, TransitionRefused, lines,
 };
 
 const MS: i64 = 1_000_000;
@@ -103,7 +103,11 @@ impl Bench {
     }
 
     fn with(drive: Mock) -> Self {
-        let mut bench = Self { core: SlaveCore::new(drive, &SlaveConfig::default()), now_ns: MS, sequence: 0 };
+        Self::of(drive, &SlaveConfig::default())
+    }
+
+    fn of(drive: Mock, config: &SlaveConfig) -> Self {
+        let mut bench = Self { core: SlaveCore::new(drive, config), now_ns: MS, sequence: 0 };
         bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
         bench.tick();
         bench.engage();

@@ -1,14 +1,14 @@
 //! A virtual gamepad with two motors: to the kernel's own driver (hid-microsoft, ff-memless) a pad of an Xbox One on Bluetooth, whose output
 //! reports say how strongly each motor turns. It may also be told that a pad of an Xbox 360 is one of these.
 
+use crate::played::{InputIdentity, PlayedInput, node_of};
 use crate::spacemouse::wait_for;
-use crate::uhid::{HidBus, HidIdentity, Told, Uhid};
+use crate::uhid::{HidBus, Told};
 use anyhow::Context;
 use krait_ipc::clock;
-use krait_master::{InputDevice, list_inputs};
+use krait_master::InputDevice;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 
 /// What it says it is.
 const NAME: &str = "Krait VM Gamepad";
@@ -51,10 +51,9 @@ impl PadKind {
 
 /// The gamepad, plugged in until it is dropped.
 pub struct Gamepad {
-    uhid: Uhid,
+    played: PlayedInput,
     kind: PadKind,
     told: Arc<Mutex<Vec<Turning>>>,
-    listener: Option<JoinHandle<()>>,
 }
 
 impl Gamepad {
@@ -70,22 +69,12 @@ impl Gamepad {
                 &DESCRIPTOR_360
             }
         };
-        let identity = HidIdentity {
-            name: NAME,
-            serial: "PAD-1",
-            place: "krait-vm/gamepad",
-            bus: HidBus::Bluetooth,
-            vendor_id: VENDOR_ID,
-            product_id: kind.product_id(),
-        };
-        let uhid = Uhid::create(identity, descriptor)?;
+        let (bus, vendor_id, product_id) = (HidBus::Bluetooth, VENDOR_ID, kind.product_id());
+        let identity = InputIdentity { name: NAME, word: "gamepad", bus, vendor_id, product_id };
         let told = Arc::new(Mutex::new(Vec::new()));
-        let (mut heard, noted) = (uhid.handle()?, Arc::clone(&told));
-        let listener = std::thread::Builder::new().name("gamepad".to_owned());
-        let listener = listener.spawn(move || listen(&mut heard, &noted))?;
-        let pad = Self { uhid, kind, told, listener: Some(listener) };
-        wait_for("the node of the gamepad", || node().is_some_and(|input| input.may_open))?;
-        Ok(pad)
+        let noted = Arc::clone(&told);
+        let played = PlayedInput::plug(identity, descriptor, move |word| note(&word, &noted))?;
+        Ok(Self { played, kind, told })
     }
 
     /// Where the stick and the buttons are from now on.
@@ -94,10 +83,10 @@ impl Gamepad {
     /// The device is gone.
     pub fn hold(&mut self, x: u8, buttons: u8) -> anyhow::Result<()> {
         match self.kind {
-            PadKind::XboxOne => self.uhid.input(&[x, 0x80, buttons]),
+            PadKind::XboxOne => self.played.input(&[x, 0x80, buttons]),
             PadKind::Xbox360 => {
                 let [low, high] = ((i16::from(x) - 0x80) << 8).to_le_bytes();
-                self.uhid.input(&[low, high, 0, 0, 0, 0, 0, 0, buttons])
+                self.played.input(&[low, high, 0, 0, 0, 0, 0, 0, buttons])
             }
         }
     }
@@ -120,7 +109,7 @@ impl Gamepad {
 
 /// Its node.
 pub fn node() -> Option<InputDevice> {
-    list_inputs().into_iter().find(|input| input.name == NAME)
+    node_of(NAME)
 }
 
 /// The node that the kernel's older joystick driver (joydev) makes of it.
@@ -133,28 +122,13 @@ pub fn js_node() -> Option<PathBuf> {
     names.find(|name| name.starts_with("js")).map(|name| Path::new("/dev/input").join(name))
 }
 
-/// Ends when the device does.
-fn listen(uhid: &mut Uhid, told: &Mutex<Vec<Turning>>) {
-    loop {
-        match uhid.next() {
-            Ok(Told::Output(bytes)) if bytes.len() == MOTORS.1 && bytes[0] == MOTORS.0 => {
-                if let Ok(mut told) = told.lock() {
-                    told.push((clock::monotonic_ns(), [bytes[4], bytes[5]]));
-                }
-            }
-            Ok(Told::Stop) | Err(_) => return,
-            Ok(_) => {}
-        }
-    }
-}
-
-impl Drop for Gamepad {
-    fn drop(&mut self) {
-        if let Some(listener) = self.listener.take()
-            && self.uhid.destroy().is_ok()
-        {
-            let _it_only_listened = listener.join();
-            let _it_may_stay_a_little = wait_for("the end of the gamepad's node", || node().is_none());
-        }
+/// Keeps what the motors are told.
+fn note(word: &Told, told: &Mutex<Vec<Turning>>) {
+    if let Told::Output(bytes) = word
+        && bytes.len() == MOTORS.1
+        && bytes[0] == MOTORS.0
+        && let Ok(mut told) = told.lock()
+    {
+        told.push((clock::monotonic_ns(), [bytes[4], bytes[5]]));
     }
 }

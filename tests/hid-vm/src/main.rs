@@ -9,6 +9,7 @@ mod gamepad;
 mod model;
 mod parts;
 mod pedal;
+mod played;
 mod qmp;
 mod repeated;
 mod spacemouse;

@@ -1,13 +1,8 @@
 //! A virtual foot pedal: three buttons through the kernel's input system, and nothing else.
 
-use crate::spacemouse::wait_for;
-use crate::uhid::{HidBus, HidIdentity, Told, Uhid};
-use krait_master::{InputDevice, list_inputs};
-use std::thread::JoinHandle;
+use crate::played::{InputIdentity, PlayedInput};
+use crate::uhid::HidBus;
 
-/// What it says it is.
-const NAME: &str = "Krait VM Pedal";
-const VENDOR_ID: u16 = 0x05f3;
 pub const PRODUCT_ID: u16 = 0x00ff;
 /// A joystick of three buttons and five bits that say nothing.
 const DESCRIPTOR: [u8; 29] = [
@@ -18,10 +13,7 @@ const DESCRIPTOR: [u8; 29] = [
 pub const PROFILE: &str = "name = \"Pedal\"\nid = \"05f3:00ff\"\n[[button]]\nof = 0\nfrom = \"BTN_TRIGGER\"\n[[button]]\nof = 1\nfrom = \"BTN_THUMB\"\n[[button]]\nof = 9\nfrom = \"BTN_THUMB2\"\n";
 
 /// The pedal, plugged in until it is dropped.
-pub struct Pedal {
-    uhid: Uhid,
-    listener: Option<JoinHandle<()>>,
-}
+pub struct Pedal(PlayedInput);
 
 impl Pedal {
     /// Plugs it in and waits for its node.
@@ -29,21 +21,14 @@ impl Pedal {
     /// # Errors
     /// The kernel makes no device or no node.
     pub fn plug() -> anyhow::Result<Self> {
-        let identity = HidIdentity {
-            name: NAME,
-            serial: "PEDAL-1",
-            place: "krait-vm/pedal",
+        let identity = InputIdentity {
+            name: "Krait VM Pedal",
+            word: "pedal",
             bus: HidBus::Usb,
-            vendor_id: VENDOR_ID,
+            vendor_id: 0x05f3,
             product_id: PRODUCT_ID,
         };
-        let uhid = Uhid::create(identity, &DESCRIPTOR)?;
-        let mut heard = uhid.handle()?;
-        let listener = std::thread::Builder::new().name("pedal".to_owned());
-        let listener = listener.spawn(move || while heard.next().is_ok_and(|told| told != Told::Stop) {})?;
-        let pedal = Self { uhid, listener: Some(listener) };
-        wait_for("the node of the pedal", || node().is_some_and(|input| input.may_open))?;
-        Ok(pedal)
+        Ok(Self(PlayedInput::plug(identity, &DESCRIPTOR, |_| {})?))
     }
 
     /// Its buttons that are down from now on, a bit each.
@@ -51,22 +36,6 @@ impl Pedal {
     /// # Errors
     /// The device is gone.
     pub fn hold(&mut self, buttons: u8) -> anyhow::Result<()> {
-        self.uhid.input(&[buttons])
-    }
-}
-
-/// Its node.
-pub fn node() -> Option<InputDevice> {
-    list_inputs().into_iter().find(|input| input.name == NAME)
-}
-
-impl Drop for Pedal {
-    fn drop(&mut self) {
-        if let Some(listener) = self.listener.take()
-            && self.uhid.destroy().is_ok()
-        {
-            let _it_only_listened = listener.join();
-            let _it_may_stay_a_little = wait_for("the end of the pedal's node", || node().is_none());
-        }
+        self.0.input(&[buttons])
     }
 }

@@ -1,7 +1,8 @@
 //! A virtual SpaceMouse in the kernel, and a hand that moves its cap.
 
 use crate::model::{Model, SERIAL, VENDOR_ID};
-use crate::uhid::{HidBus, HidIdentity, Told, Uhid};
+use crate::played::Played;
+use crate::uhid::{HidBus, HidIdentity, Told};
 use anyhow::{Context, bail};
 use krait_ipc::clock;
 use krait_master::{HidRecording, HidReport, led_report};
@@ -9,7 +10,6 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// A device sends this often while its cap is held.
@@ -34,10 +34,9 @@ pub enum DeviceFault {
 /// The device, plugged in until it is dropped or unplugged.
 pub struct SpaceMouse {
     model: Model,
-    uhid: Uhid,
+    played: Played,
     place: String,
     lights: Arc<Lights>,
-    listener: Option<JoinHandle<()>>,
     /// Reports sent so far.
     pub n_sent: u64,
 }
@@ -72,12 +71,10 @@ impl SpaceMouse {
             vendor_id: VENDOR_ID,
             product_id: model.product_id(),
         };
-        let uhid = Uhid::create(identity, &model.descriptor())?;
         let lights = Arc::new(Lights::default());
-        let (mut heard, counted) = (uhid.handle()?, Arc::clone(&lights));
-        let listener =
-            std::thread::Builder::new().name("uhid".to_owned()).spawn(move || listen(&mut heard, &counted))?;
-        let mouse = Self { model, uhid, place, lights, listener: Some(listener), n_sent: 0 };
+        let noted = Arc::clone(&lights);
+        let played = Played::plug(identity, &model.descriptor(), move |word| note(&word, &noted))?;
+        let mouse = Self { model, played, place, lights, n_sent: 0 };
         wait_for("the node of the virtual device", || node_at(&mouse.place).is_some())?;
         Ok(mouse)
     }
@@ -117,7 +114,7 @@ impl SpaceMouse {
     /// The device is gone.
     pub fn send(&mut self, bytes: &[u8]) -> anyhow::Result<()> {
         self.n_sent += 1;
-        self.uhid.input(bytes)
+        self.played.input(bytes)
     }
 
     /// Plays the first seconds of the recording that krait ships, lets the cap go, and gives the number of reports that
@@ -185,22 +182,8 @@ impl SpaceMouse {
     /// # Errors
     /// It was gone already, or the thread that listens to the kernel died.
     pub fn unplug(mut self) -> anyhow::Result<()> {
-        self.uhid.destroy()?;
-        match self.listener.take().map(JoinHandle::join) {
-            Some(Err(_)) => bail!("the thread that listens to the kernel died"),
-            _ => wait_for("the end of the node", || node_at(&self.place).is_none()),
-        }
-    }
-}
-
-/// A part that ends early leaves no device behind for the next.
-impl Drop for SpaceMouse {
-    fn drop(&mut self) {
-        if let Some(listener) = self.listener.take()
-            && self.uhid.destroy().is_ok()
-        {
-            let _it_only_counted = listener.join();
-        }
+        self.played.unplug()?;
+        wait_for("the end of the node", || node_at(&self.place).is_none())
     }
 }
 
@@ -219,19 +202,16 @@ pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) -> anyhow::Result<()
     Ok(())
 }
 
-/// Ends when the device does.
-fn listen(uhid: &mut Uhid, lights: &Lights) {
-    loop {
-        let what = match uhid.next() {
-            Ok(Told::Output(bytes)) if bytes == led_report(true) => Switched::On,
-            Ok(Told::Output(bytes)) if bytes == led_report(false) => Switched::Off,
-            Ok(Told::Output(_)) => Switched::Nothing,
-            Ok(Told::Other) => continue,
-            Ok(Told::Stop) | Err(_) => return,
-        };
-        if let Ok(mut lights) = lights.lock() {
-            lights.push((clock::monotonic_ns(), what));
-        }
+/// Keeps what was done to the light.
+fn note(word: &Told, lights: &Lights) {
+    let what = match word {
+        Told::Output(bytes) if *bytes == led_report(true) => Switched::On,
+        Told::Output(bytes) if *bytes == led_report(false) => Switched::Off,
+        Told::Output(_) => Switched::Nothing,
+        Told::Other | Told::Stop => return,
+    };
+    if let Ok(mut lights) = lights.lock() {
+        lights.push((clock::monotonic_ns(), what));
     }
 }
 

@@ -1,10 +1,9 @@
 //! A virtual joystick whose reports are those of a Logitech Extreme 3D Pro: X and Y of 10 bits, hat, twist of 8 bits, slider, 12 buttons.
 
-use crate::spacemouse::wait_for;
-use crate::uhid::{HidBus, HidIdentity, Told, Uhid};
+use crate::played::{InputIdentity, PlayedInput, node_of};
+use crate::uhid::HidBus;
 use anyhow::Context;
-use krait_master::{AXIS_LIMIT_COUNTS, HidReport, InputDevice, list_inputs};
-use std::thread::JoinHandle;
+use krait_master::{AXIS_LIMIT_COUNTS, HidReport, InputDevice};
 
 /// What it says it is.
 pub const NAME: &str = "Krait VM Extreme 3D";
@@ -64,10 +63,7 @@ impl StickPose {
 }
 
 /// The joystick, plugged in until it is dropped.
-pub struct Stick {
-    uhid: Uhid,
-    listener: Option<JoinHandle<()>>,
-}
+pub struct Stick(PlayedInput);
 
 impl Stick {
     /// Plugs it in, at rest, and waits for its node.
@@ -75,23 +71,12 @@ impl Stick {
     /// # Errors
     /// The kernel makes no device or no node.
     pub fn plug() -> anyhow::Result<Self> {
-        let identity = HidIdentity {
-            name: NAME,
-            serial: "STICK-1",
-            place: "krait-vm/stick",
-            bus: HidBus::Usb,
-            vendor_id: VENDOR_ID,
-            product_id: PRODUCT_ID,
-        };
+        let (bus, vendor_id, product_id) = (HidBus::Usb, VENDOR_ID, PRODUCT_ID);
+        let identity = InputIdentity { name: NAME, word: "joystick", bus, vendor_id, product_id };
         std::fs::write(ANY_DRIVER, "1").context(ANY_DRIVER)?;
-        let uhid = Uhid::create(identity, &DESCRIPTOR)?;
-        let mut heard = uhid.handle()?;
-        let listener = std::thread::Builder::new().name("stick".to_owned());
-        let listener = listener.spawn(move || while heard.next().is_ok_and(|told| told != Told::Stop) {})?;
-        let mut stick = Self { uhid, listener: Some(listener) };
-        let has_node = wait_for("the node of the joystick", || node().is_some_and(|input| input.may_open));
+        let plugged = PlayedInput::plug(identity, &DESCRIPTOR, |_| {});
         std::fs::write(ANY_DRIVER, "0").context(ANY_DRIVER)?;
-        has_node?;
+        let mut stick = Self(plugged?);
         stick.hold(StickPose::REST)?;
         Ok(stick)
     }
@@ -101,22 +86,11 @@ impl Stick {
     /// # Errors
     /// The device is gone.
     pub fn hold(&mut self, pose: StickPose) -> anyhow::Result<()> {
-        self.uhid.input(&pose.report())
+        self.0.input(&pose.report())
     }
 }
 
 /// Its node.
 pub fn node() -> Option<InputDevice> {
-    list_inputs().into_iter().find(|input| input.name == NAME)
-}
-
-impl Drop for Stick {
-    fn drop(&mut self) {
-        if let Some(listener) = self.listener.take()
-            && self.uhid.destroy().is_ok()
-        {
-            let _it_only_listened = listener.join();
-            let _it_may_stay_a_little = wait_for("the end of the joystick's node", || node().is_none());
-        }
-    }
+    node_of(NAME)
 }

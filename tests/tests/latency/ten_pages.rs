@@ -27,8 +27,10 @@ const READERS: usize = 9;
 const STALLED: usize = 100;
 /// Environment variable with the chain's SCHED_FIFO priority; without it the chain shares time as every other process.
 const PRIORITY: &str = "KRAIT_PRIORITY";
-/// With a priority nine readers change the chain's p50 by less than this, beside the slower of two runs without a console.
+/// With a priority whatever is beside the chain changes its p50 by less than this, beside the slower of two runs without a console.
 const MOST_RATIO: f64 = 1.1;
+/// Of the pictures that the server sends the browser paints so many at least, beside a chain on the same cores.
+const LEAST_PAINTED: f64 = 0.5;
 const STOPS: usize = 60;
 /// Nice value of the second browser.
 const NICE: u8 = 10;
@@ -115,18 +117,31 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     chain.signal(Signal::INT);
     let ended = chain.end(PATIENCE);
     assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
-    let medians = print_chain(&recording, &stretches);
-    let ratio = medians["nine readers"] / f64::max(medians["without"], medians["without, again"]);
-    println!("p50 with nine readers: {ratio:.3} of that without a console");
+    let chain = print_chain(&recording, &stretches);
+    let [one, other] = [&chain["without"], &chain["without, again"]];
+    let (slower, widest) = (f64::max(one.p50, other.p50), f64::max(one.widest, other.widest));
+    for way in &WAYS[2..] {
+        let (ratio, p99) = (chain[way].p50 / slower, chain[way].p99);
+        println!(
+            "p50 with {way}: {ratio:.3} of that without a console; p99 {p99:.1} us, of equal runs {widest:.1} us at most"
+        );
+        // Without one a browser on the chain's own cores costs it more (docs/bench/2026-11-23-console.md).
+        let is_held = ratio < MOST_RATIO && p99 <= widest;
+        assert!(priority == "0" || is_held, "{way} makes the chain slower: p50 {ratio:.3}, p99 {p99} us of {widest}");
+    }
     for (way, shares) in &shares {
         println!("server, {way}: {} % of a core", list(shares.iter().map(|share| 100.0 * share)));
         assert!(shares.iter().all(|share| *share < 0.5), "the server takes half a core: {shares:?}");
     }
     println!("first picture after opening, ms: {}", list(firsts.into_iter()));
-    let (glass, per_s) = painted.found;
+    let Painted { found: (glass, per_s), parts, .. } = painted;
+    println!(
+        "part of the pictures sent that were painted: {}",
+        parts.iter().map(|part| format!("{part:.2}")).collect::<Vec<_>>().join(", ")
+    );
+    assert!(parts.len() == TURNS && parts.iter().all(|part| *part >= LEAST_PAINTED), "the browser paints: {parts:?}");
     println!("glass latency, median, ms: {}; pictures a second: {}", list(glass.into_iter()), list(per_s.into_iter()));
     println!("{}", first_load());
-    assert!(priority == "0" || ratio < MOST_RATIO, "nine readers make the chain slower: {medians:?}");
 }
 
 /// Tells the other threads that it is over.
@@ -194,11 +209,13 @@ fn first_picture_ms(page: &mut BrowserPage, console: &Console) -> f64 {
 struct Painted {
     begun_ns: i64,
     found: (Vec<f64>, Vec<f64>),
+    /// Of the pictures that the server sent, by their numbers.
+    parts: Vec<f64>,
 }
 
 impl Painted {
     fn begin(&mut self, page: &mut BrowserPage) {
-        page.value("import('/js/link.js').then(({ on }) => { window.glasses = []; on('frame', ({ glass, isPainted }) => { if (isPainted) window.glasses.push(glass); }); return 0; })");
+        page.value("import('/js/link.js').then(({ on }) => { window.glasses = []; window.numbers = []; on('frame', ({ frame, glass, isPainted }) => { window.numbers.push(frame.n); if (isPainted) window.glasses.push(glass); }); return 0; })");
         self.begun_ns = monotonic_ns();
     }
 
@@ -208,6 +225,9 @@ impl Painted {
         let glasses: Vec<f64> = found.as_array().expect("a list").iter().filter_map(Value::as_f64).collect();
         self.found.0.push(quantile(&glasses, 0.5));
         self.found.1.push(glasses.len() as f64 / seconds);
+        let numbers = page.value("[window.numbers[0], window.numbers.at(-1)]");
+        let n_sent = numbers[1].as_f64().zip(numbers[0].as_f64()).map(|(last, first)| last - first + 1.0);
+        self.parts.push(glasses.len() as f64 / n_sent.expect("pictures"));
     }
 }
 
@@ -236,8 +256,16 @@ fn stops(page: &mut BrowserPage, console: &Console) -> Stretches {
     pressed
 }
 
-/// Prints what each way cost the chain; the median of each, us.
-fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str, f64> {
+/// The way of a chain's samples, us.
+struct Way {
+    p50: f64,
+    p99: f64,
+    /// The largest p99 of a turn.
+    widest: f64,
+}
+
+/// Prints what each way cost the chain. No state is missing, and no stop needed more than a pause.
+fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str, Way> {
     let states: Vec<SlaveState> = Recording::open(Path::new(recording))
         .and_then(|recording| recording.samples())
         .expect("readable")
@@ -245,9 +273,11 @@ fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str,
             |recorded| if let Sample::State(state) = recorded.expect("readable").sample { Some(state) } else { None },
         )
         .collect();
+    let n_missing: u64 = states.windows(2).map(|pair| pair[1].sequence - pair[0].sequence - 1).sum();
+    assert_eq!(n_missing, 0, "states that the recording lacks");
     let mut sequence = 0;
     let mut of_way: BTreeMap<&str, Vec<Vec<f64>>> = BTreeMap::new();
-    let mut medians = BTreeMap::new();
+    let mut ways = BTreeMap::new();
     for (way, from_ns, to_ns) in stretches.iter().filter(|(way, ..)| *way != "stop") {
         let inside = states.iter().filter(|state| (*from_ns..*to_ns).contains(&state.stamps.device_ns));
         let fresh =
@@ -270,7 +300,8 @@ fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str,
             all.len()
         );
         assert!(all.len() > TURNS * 1000, "a chain that runs: {} samples", all.len());
-        medians.insert(way, quantile(&all, 0.5));
+        let widest = of_way[way].iter().map(|own| quantile(own, 0.99)).fold(0.0, f64::max);
+        ways.insert(way, Way { p50: quantile(&all, 0.5), p99: quantile(&all, 0.99), widest });
     }
     let first_held = |from_ns: i64| {
         let held = |state: &&SlaveState| state.operating() == Some(OperatingState::Paused);
@@ -282,6 +313,11 @@ fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str,
     };
     let stops = stretches.iter().filter(|(way, ..)| *way == "stop");
     let stops: Vec<f64> = stops.map(|(_, from_ns, _)| first_held(*from_ns).expect("it was held")).collect();
+    let n_off = stretches.iter().filter(|(way, ..)| *way == "stop").filter(|(_, from_ns, to_ns)| {
+        let mut own = states.iter().filter(|state| (*from_ns..*to_ns).contains(&state.sample_ns));
+        own.any(|state| state.operating() == Some(OperatingState::Disabled))
+    });
+    assert_eq!((stops.len(), n_off.count()), (STOPS, 0), "every press holds, and none needs the server's disable");
     let at = |q| quantile(&stops, q);
     let mut slowest: Vec<(f64, usize)> = stops.iter().enumerate().map(|(i, ms)| (*ms, i + 1)).collect();
     slowest.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -292,7 +328,7 @@ fn print_chain(recording: &str, stretches: &Stretches) -> BTreeMap<&'static str,
         at(0.99),
         stops.len()
     );
-    medians
+    ways
 }
 
 /// Bytes of the files that a page loads first, as they are and as gzip packs them.

@@ -115,3 +115,23 @@ fn a_cycle_that_finds_no_new_wish_in_the_middle_of_a_motion_does_not_stop_it_at_
     assert!(apart.bench.report().failure.is_some());
     assert_eq!(apart.cycle(PERIOD_NS, 1.0)[0], 0.0);
 }
+
+#[test]
+fn an_actuator_with_a_rate_of_its_own_goes_no_further_in_a_cycle_and_all_brake_by_one_factor_from_there() {
+    let mut own = Bench::whole(DriveConfig { kind: DriveKind::Sts3215, ..DriveConfig::default() });
+    own.drive.actuator[1].rate_m_per_s = Some(4e-3);
+    let mut apart = Apart { bench: Bench::of(own), ..Apart::new() };
+    apart.ticked_ns = apart.bench.now_ns;
+    for _ in 0..10 {
+        let step_m = apart.cycle(PERIOD_NS, 1.0);
+        assert!(step_m[1].abs() <= 4e-3 * PERIOD_NS as f64 * 1e-9 * ROUNDING, "{step_m:?} m");
+        assert!((step_m[0] + 2.0 * step_m[1]).abs() < 1e-12, "the direction stays: {step_m:?} m");
+    }
+    apart.bench.truth.lock().unwrap().is_limp[2] = true;
+    apart.cycle(PERIOD_NS, 1.0);
+    assert!(apart.bench.report().failure.is_some());
+    // The first is the fastest, at 8 mm/s: it loses 5 mm/s a period, and the second the same part of its own 4.
+    let step_m = apart.cycle(PERIOD_NS, 1.0);
+    assert!((step_m[0] - 3e-3 * 5e-3).abs() < 1e-9 && (step_m[1] + 1.5e-3 * 5e-3).abs() < 1e-9, "{step_m:?} m");
+    assert_eq!(apart.cycle(PERIOD_NS, 1.0), [0.0; MAX_ACTUATORS]);
+}

@@ -4,11 +4,10 @@
 use super::directions::{Answer, Sweep, agree, pull_way};
 use super::loads::{LoadUnit, measured};
 use super::motion::{LONGEST_MM, Motion, TICK};
-use super::signs::with_signs;
+use super::numbers::{self, SIGN};
 use super::{alone, live, real};
 use crate::cli::Common;
 use crate::cli_drives::DrivesArgs;
-use crate::commands::overwrite::refuse_existing;
 use crate::config::Config;
 use crate::{print, signals};
 use anyhow::{Context, bail, ensure};
@@ -50,9 +49,7 @@ struct Calibration {
 /// Moves, judges, prints, writes.
 pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
     let path = common.config.as_deref().context("which actuators? name their configuration with --config")?;
-    if let Some(out) = &args.out {
-        refuse_existing(out, "toml", args.force)?;
-    }
+    numbers::refuse_out(args)?;
     let stop = signals::stop_flag()?;
     let text = Config::text(path)?;
     let config = Config::read(&text, path)?;
@@ -66,7 +63,7 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     let drive = open_drive(&slave, None)?;
     // Limits are of loads that are known in newtons.
     let knows_newtons = drive.traits().measures_load && units.iter().all(|unit| unit.is_newton());
-    krait_slave::DriveTraits { measures_load: knows_newtons, ..drive.traits() }.check(&slave.limits)?;
+    krait_slave::DriveTraits { measures_load: knows_newtons, ..drive.traits() }.check(&slave)?;
     let ticks = |time: Duration| (time.as_secs_f64() / TICK.as_secs_f64()).ceil() as u32;
     let (delay, periods) = (ns(drive.traits().delay_ns), ns(2 * drive.traits().period_ns));
     let (settle_ticks, window_ticks) = (ticks(delay + REST), ticks(periods.max(REST)));
@@ -87,14 +84,8 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     let found: Vec<Found> = (0..answers.len()).map(|k| found(&slave, k, &answers[k], ways[k])).collect();
     let jaw = slave.drive.actuator.get(found.len()..).unwrap_or_default();
     let signs: Vec<i32> = found.iter().map(|found| found.sign).chain(jaw.iter().map(|own| own.sign)).collect();
-    if let Some(out) = &args.out {
-        let text = with_signs(&text, &signs)?;
-        // Somebody may have made it meanwhile.
-        refuse_existing(out, "toml", args.force)?;
-        std::fs::write(out, text)
-            .with_context(|| format!("{} could not be written; name a file in a folder of yours", out.display()))?;
-    }
-    tell(found, args)?;
+    let n_changed = numbers::write(args, &text, &SIGN, &signs)?;
+    tell(found, n_changed, args)?;
     if !jaw.is_empty() && !args.json {
         print::out(&format!(
             "Actuator {} is a gripper's and was not moved: --jog shows which way it opens the jaw.\n",
@@ -230,9 +221,9 @@ fn found(slave: &SlaveConfig, k: usize, answer: &Answer, way: f64) -> Found {
     }
 }
 
-fn tell(found: Vec<Found>, args: &DrivesArgs) -> anyhow::Result<()> {
-    let written = args.out.as_ref().map(|out| out.display().to_string());
+fn tell(found: Vec<Found>, n_changed: usize, args: &DrivesArgs) -> anyhow::Result<()> {
     if args.json {
+        let written = args.out.as_ref().map(|out| out.display().to_string());
         return print::json(&Calibration { actuators: found, written });
     }
     let mut table =
@@ -252,13 +243,5 @@ fn tell(found: Vec<Found>, args: &DrivesArgs) -> anyhow::Result<()> {
         ]);
     }
     print::out(&table.to_string())?;
-    let n_wrong = found.iter().filter(|one| one.sign != one.configured_sign).count();
-    print::out(&match written {
-        Some(out) if n_wrong == 0 => {
-            format!("All signs are as configured; {out} is written, as the configuration was.\n")
-        }
-        Some(out) => format!("{out} is written: the configuration with {n_wrong} sign(s) changed and nothing else.\n"),
-        None if n_wrong == 0 => "All signs are as configured.\n".to_owned(),
-        None => format!("{n_wrong} sign(s) to change; --out FILE writes the configuration with them.\n"),
-    })
+    print::out(&numbers::sentence(args.out.as_deref(), n_changed, "signs"))
 }

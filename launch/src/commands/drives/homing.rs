@@ -34,7 +34,7 @@ pub(super) fn is_wanted(config: &SlaveConfig) -> bool {
 pub(super) fn check(config: &SlaveConfig) -> anyhow::Result<()> {
     live(config, "a search for stops")?;
     for (k, homing) in searches(config) {
-        homing.fits(&config.limits, k + 1)?;
+        homing.fits(&config.limits_of(k), k + 1)?;
     }
     // While one looks for its stop the loads of all others say whether lines hold each other.
     for (k, actuator) in config.drive.actuator.iter().enumerate() {
@@ -88,7 +88,8 @@ pub(super) fn zeros(config: &SlaveConfig, counts: &[i32], stop: &AtomicBool) -> 
     let drive = open_drive(&search, None)?;
     let traits = drive.traits();
     // The stroke is each actuator's own, which its travel bounds.
-    traits.check(&krait_slave::Limits { stroke_m: HELD_TRAVEL_M, ..search.limits.clone() })?;
+    let limits = krait_slave::Limits { stroke_m: HELD_TRAVEL_M, ..search.limits.clone() };
+    traits.check(&SlaveConfig { limits, ..search.clone() })?;
     let mut hand = Hand { motion: Motion::begin(drive, &search)?, config: &search, stop };
     let found = hand.all();
     let found = match (found, hand.motion.end()) {

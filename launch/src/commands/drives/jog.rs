@@ -28,7 +28,7 @@ pub(super) fn run(common: &Common, actuator: usize, step_mm: f64) -> anyhow::Res
     let n = config.drive.actuator.len();
     ensure!((1..=n).contains(&actuator), "--jog {actuator}: expected 1 to {n}, the actuators of [slave.drive]");
     let drive = open_drive(&config, None)?;
-    drive.traits().check(&config.limits)?;
+    drive.traits().check(&config)?;
     let mut motion = Motion::begin(drive, &config)?;
     print::out(&format!(
         "Actuator {actuator} is under power. Enter: one step of {step_mm} mm; - and Enter: back; Ctrl-D ends.\n"

@@ -85,7 +85,7 @@ impl Drop for LedDrives {
 
 fn begin(config: &SlaveConfig) -> anyhow::Result<Motion> {
     let drive = open_drive(config, None)?;
-    drive.traits().check(&config.limits)?;
+    drive.traits().check(config)?;
     Motion::begin(drive, config)
 }
 

@@ -10,7 +10,7 @@ mod jog;
 mod led;
 mod loads;
 mod motion;
-mod signs;
+mod numbers;
 mod stop;
 mod zero;
 
@@ -38,7 +38,7 @@ pub fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
         },
         (None, Some(actuator)) => jog::run(common, actuator, args.step_mm),
         (None, None) if args.calibrate => calibrate::run(common, args),
-        (None, None) if args.zero => zero::run(common, args.json),
+        (None, None) if args.zero => zero::run(common, args),
         (None, None) => find::run(common, args),
     }
 }

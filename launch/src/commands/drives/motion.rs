@@ -44,7 +44,7 @@ impl Motion {
             sequence: 0,
             goal_m: [0.0; MAX_ACTUATORS],
             n: config.drive.actuator.len(),
-            rate_m_per_s: SPEED_M_PER_S.min(0.5 * config.limits.rate_m_per_s),
+            rate_m_per_s: config.rates_m_per_s().into_iter().fold(SPEED_M_PER_S, |least, rate| least.min(0.5 * rate)),
         };
         motion.core.transition(Transition::Enable, monotonic_ns())?;
         let mut has_homed = false;

@@ -1,11 +1,15 @@
-//! The counts of the configured actuators where they stand now, as zeros for the configuration. Nothing moves, but actuators that look for
+//! The counts of the configured actuators where they stand now, as zeros of the configuration, which `--out` writes. Nothing moves, but actuators that look for
 //! their stop ([`super::homing`]).
 //!
 //! An incremental encoder on CAN has no such count: it is told that what the configuration says is where it stands.
 
-use super::{alone, described, homing};
+use super::numbers::{self, ZERO_COUNT};
+use super::{alone, homing, real};
 use crate::cli::Common;
+use crate::cli_drives::DrivesArgs;
+use crate::config::Config;
 use crate::{print, signals};
+use anyhow::Context;
 use krait_drives::cia402::{CanPort, Cia402, home_here};
 use krait_drives::{OpenError, Seen, ServoBus, ServoMake, Units};
 use krait_slave::{ActuatorConfig, DriveKind, SlaveConfig};
@@ -20,11 +24,16 @@ struct Zero {
     zero_count: i32,
 }
 
-/// Prints the zeros, which must leave room for the travel.
-pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
+/// Prints the zeros, which must leave room for the travel, and writes the configuration with them.
+pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
+    let path = common.config.as_deref().context("which actuators? name their configuration with --config")?;
+    numbers::refuse_out(args)?;
     let stop = signals::stop_flag()?;
     let _bus = alone(common, &stop)?;
-    let config = described(common)?;
+    let text = Config::text(path)?;
+    let config = Config::read(&text, path)?;
+    real(&config)?;
+    let config = config.slave;
     let has_stops = homing::is_wanted(&config);
     if has_stops {
         homing::check(&config)?;
@@ -32,7 +41,7 @@ pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
     }
     let seen = match config.drive.kind {
         DriveKind::Cia402 if config.drive.actuator.iter().any(|actuator| !actuator.is_absolute) => {
-            return tell_drives(&config, json);
+            return tell_drives(&config, &text, args);
         }
         _ => counts(config.clone())?,
     };
@@ -50,18 +59,19 @@ pub(super) fn run(common: &Common, json: bool) -> anyhow::Result<ExitCode> {
         };
         zeros.push(Zero { actuator: k + 1, id: actuator.id, zero_count });
     }
-    if json {
+    let n_changed = numbers::write(args, &text, &ZERO_COUNT, &counts)?;
+    if args.json {
         print::json(&zeros)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let mut text = String::from(match has_stops {
-        true => "Actuators with a stop stand where their zero is now. Put each line into its actuator's table:\n",
-        false => "Where the actuators stand now; if that is zero, put each line into its actuator's table:\n",
+    let mut said = String::from(match has_stops {
+        true => "Actuators with a stop stand where their zero is now; each line belongs into its actuator's table:\n",
+        false => "Where the actuators stand now; if that is zero, each line belongs into its actuator's table:\n",
     });
     for Zero { actuator, id, zero_count } in &zeros {
-        text += &format!("zero_count = {zero_count}  # actuator {actuator}, id {id}\n");
+        said += &format!("zero_count = {zero_count}  # actuator {actuator}, id {id}\n");
     }
-    print::out(&text)?;
+    print::out(&(said + &numbers::sentence(args.out.as_deref(), n_changed, "zeros")))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -76,16 +86,19 @@ fn counts(mut config: SlaveConfig) -> Result<Seen, OpenError> {
 }
 
 /// Makes the configured zeros what drives with incremental encoders read where they stand.
-fn tell_drives(config: &SlaveConfig, json: bool) -> anyhow::Result<ExitCode> {
+fn tell_drives(config: &SlaveConfig, text: &str, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
     home_here(config)?;
     let actuators = config.drive.actuator.iter().enumerate();
     let zeros: Vec<Zero> = actuators
         .filter_map(|(k, actuator)| Some(Zero { actuator: k + 1, id: actuator.id, zero_count: actuator.zero_count? }))
         .collect();
-    if json {
+    let counts: Vec<i32> = zeros.iter().map(|zero| zero.zero_count).collect();
+    let n_changed = numbers::write(args, text, &ZERO_COUNT, &counts)?;
+    if args.json {
         print::json(&zeros)?;
     } else {
-        print::out("The drives read their zero_count where they stand now, until they lose their power.\n")?;
+        let said = "The drives read their zero_count where they stand now, until they lose their power.\n".to_owned();
+        print::out(&(said + &numbers::sentence(args.out.as_deref(), n_changed, "zeros")))?;
     }
     Ok(ExitCode::SUCCESS)
 }

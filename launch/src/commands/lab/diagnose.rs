@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FormulaTerm, FoundEffect, LoadCell, capital, diagnose};
 use krait_lab::experiment::{Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
-use krait_lab::{ClockOffset, Names, Session, drawn_away};
+use krait_lab::{ClockOffset, Names, Offered, Session, drawn_away, offered, open_model};
 use krait_model::effects::explanation;
 use krait_model::model_file::Machine;
 use krait_report::Table;
@@ -27,6 +27,7 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
         max_effects: usize::from(args.max_effects),
         free: args.free.clone(),
         recordings: session.recordings.clone(),
+        offered: formulas(args, &session)?,
         is_locked: args.locked,
     };
     let mut diagnosis = diagnose(session.machine.as_ref(), &session.data, &options)?;
@@ -50,6 +51,12 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
         print::out(&text(args, &diagnosis, &session))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The formulas that are offered.
+fn formulas(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Vec<Offered>> {
+    let Some(path) = &args.effects else { return Ok(Vec::new()) };
+    Ok(offered(path, &open_model(path)?, session.file.machine())?)
 }
 
 /// The clocks of the options with those that were found beside them.

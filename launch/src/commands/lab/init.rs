@@ -73,9 +73,16 @@ fn column(seen: &SeenColumn) -> serde_json::Value {
 }
 
 fn text(found: &Proposal, name: &str) -> String {
+    // Angle and force go through one filter as they are read, and rows are thinned to what it lets through.
+    let (kept, uncounted) = match found.kind {
+        "force" => {
+            (" are left by the filter that angle and force share", "near a reversal or at rest, which do not count")
+        }
+        _ => ("", "without a measurement"),
+    };
     let unscored = match found.rows - found.scored_rows {
         0 => String::new(),
-        n => format!(", {n} of them without a measurement"),
+        n => format!(", {n} of them {uncounted}"),
     };
     let why = |text: &str| format!("{:<WHY$}", cut(text, WHY));
     let mut table = Table::new(&["column", "is", "unit", "least", "largest", &why("why")]);
@@ -91,7 +98,7 @@ fn text(found: &Proposal, name: &str) -> String {
         ]);
     }
     let mut text = format!(
-        "{name}: {} rows{unscored}\n{:.1} s at {:.4} rows a second; {}\n{table}Machine: {}\n",
+        "{name}: {} rows{kept}{unscored}\n{:.1} s at {:.4} rows a second; {}\n{table}Machine: {}\n",
         found.rows, found.seconds, found.rate_hz, found.dialect, found.machine
     );
     if !found.is_whole {

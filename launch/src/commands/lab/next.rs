@@ -6,6 +6,7 @@ use crate::cli_lab::{DiagnoseArgs, LabFiles, dotted};
 use krait_bridge::LiveModel;
 use krait_lab::Session;
 use krait_lab::diagnose::{DependsOn, Diagnosis, FormulaTerm, FoundEffect, ParameterVariation, Verdict};
+use krait_model::effects::FormulaText;
 use krait_model::model_file::{Known, Machine, ModelFile};
 use std::path::{Path, PathBuf};
 
@@ -16,9 +17,7 @@ pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Ses
         return formula(args, &diagnosis.proposals, session);
     }
     match diagnosis.verdict {
-        Verdict::Missing | Verdict::Partly if !diagnosis.effects.is_empty() => {
-            additions(args, &diagnosis.in_chain_order(), &diagnosis.variations)
-        }
+        Verdict::Missing | Verdict::Partly if !diagnosis.effects.is_empty() => additions(args, diagnosis),
         Verdict::None if has_joint_number(&session.file, |own| matches!(own, Known::Absent | Known::Free)) => {
             let free = "--free machine.gain --free machine.offset";
             said("", vec![words("fit", &args.files, model, &format!("{free} --out {}", shell(&better(model, &[]))))])
@@ -43,21 +42,36 @@ pub fn after_fit(files: &LabFiles, out: &Path) -> String {
 }
 
 /// One command for each effect, each on the model that the one before wrote.
-fn additions(args: &DiagnoseArgs, effects: &[&FoundEffect], variations: &[ParameterVariation]) -> String {
+fn additions(args: &DiagnoseArgs, diagnosis: &Diagnosis) -> String {
     let free: String = dotted(&args.free).iter().map(|name| format!(" --free {}", quoted(name))).collect();
     let mut model = args.files.model.clone();
     let mut written = Vec::new();
     let mut commands = Vec::new();
-    for effect in effects {
-        let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
+    for effect in diagnosis.in_chain_order() {
         let out = better(&model, &written);
-        let by = by(variations, effect);
-        let verb = format!("add {}{set}{by}{free}", effect.name);
+        let verb = match diagnosis.term_of(effect).and_then(|term| Some((term, term.formula.as_ref()?))) {
+            Some((term, text)) => format!("{}{free}", own_formula(text, &term.values)),
+            None => {
+                let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
+                format!("add {}{set}{}{free}", effect.name, by(&diagnosis.variations, effect))
+            }
+        };
         commands.push(words(&verb, &args.files, &model, &format!("--out {}", shell(&out))));
         written.push(out.clone());
         model = out;
     }
     said("", commands)
+}
+
+/// A formula that was offered and found, with the values that were found.
+fn own_formula(text: &FormulaText, values: &[f64]) -> String {
+    let params =
+        text.parameters.iter().zip(values).map(|(own, value)| format!("{}={value:.4e}:{}", own.name, own.unit));
+    let params: String = params.map(|own| format!(" --param {}", quoted(&own))).collect();
+    let columns = text.columns.iter().map(|own| format!("{}={}", own.name, own.column));
+    let columns: String = columns.map(|own| format!(" --column {}", quoted(&own))).collect();
+    let (name, hook) = (quoted(&text.name), text.hook.word());
+    format!("add formula --name {name} --hook {hook} --formula {}{params}{columns}", quoted(&text.text))
 }
 
 /// How the command names the column that a number of an effect depends on.

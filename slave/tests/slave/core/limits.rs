@@ -73,3 +73,37 @@ fn a_load_beyond_its_limit_forbids_more_of_it_and_allows_less() {
     let state = bench.go(0.99e-3);
     assert!(follows(&state) && !has(&state, Reason::ForceLimit));
 }
+
+#[test]
+fn an_actuators_own_limits_of_load_and_speed_count_for_it_alone_and_slow_all_down_by_one_factor() {
+    let actuator = |k: u32| {
+        let own = |value: f64| (k == 2).then_some(value);
+        ActuatorConfig { id: k, load_n: own(8.0), rate_m_per_s: own(5e-3), ..ActuatorConfig::default() }
+    };
+    let drive =
+        DriveConfig { kind: DriveKind::Sts3215, actuator: (1..=3).map(actuator).collect(), ..Default::default() };
+    let config = SlaveConfig { drive, ..SlaveConfig::default() };
+    let go = |bench: &mut Bench, q_m: [f64; 3]| {
+        bench.now_ns += MS;
+        let command = bench.command(lines(q_m));
+        bench.take(&command)
+    };
+    // 20 mm/s of the first and 10 mm/s of the second, which may do 5.
+    let mut bench = Bench::of(Mock::default(), &config);
+    for k in 1..=20 {
+        let (before, way_m) = (bench.core.report(bench.now_ns).setpoint_q_m, f64::from(k) * 10e-6);
+        let state = go(&mut bench, [2.0 * way_m, way_m, -way_m]);
+        assert!(follows(&state) && state.setpoint_q_m[1] - before[1] <= 5e-6 + 1e-12, "{state:?}");
+        assert!((state.setpoint_q_m[0] - 2.0 * state.setpoint_q_m[1]).abs() < 1e-12, "the direction stays: {state:?}");
+        assert!(k < 3 || has(&state, Reason::ActuatorRateLimit), "{state:?}");
+    }
+    for (load_n, is_limited) in [([-50.0, -7.0, 0.0], false), ([0.0, -9.0, 0.0], true), ([0.0, 9.0, 0.0], false)] {
+        let mut bench = Bench::of(Mock::default(), &config);
+        bench.core.drive_mut().tau_n[..3].copy_from_slice(&load_n);
+        bench.tick();
+        let at = bench.core.report(bench.now_ns).setpoint_q_m;
+        let state = go(&mut bench, [at[0] - 2e-6, at[1] - 2e-6, at[2] + 2e-6]);
+        assert_eq!(has(&state, Reason::ForceLimit), is_limited, "{load_n:?}: {state:?}");
+        assert_eq!(state.setpoint_q_m == at, is_limited, "one factor for all: {load_n:?}: {state:?}");
+    }
+}

@@ -45,7 +45,8 @@ pub fn pedal() -> anyhow::Result<PartVerdict> {
     let (profile, config) = ("/tmp/pedal.toml", "/tmp/pedal-chain.toml");
     std::fs::write(profile, PROFILE).context("a profile")?;
     let beside = format!("record_reports = \"{REPORTS}\"\n[[master.beside]]\nprofile = \"{profile}\"\n");
-    std::fs::write(config, format!("[master]\npresence = \"hold:0\"\n{beside}")).context("a configuration")?;
+    std::fs::write(config, format!("[realtime]\npriority = 40\n[master]\npresence = \"hold:0\"\n{beside}"))
+        .context("a configuration")?;
     let (mouse, pedal) = (SpaceMouse::plug(Model::Compact)?, Pedal::plug()?);
     let listed = VmEnded::of(User::Root, &["devices", "--config", config])?;
     verdict.check(
@@ -150,8 +151,7 @@ fn judge(verdict: &mut PartVerdict, journal: &Journal, at: &Instants) -> anyhow:
     verdict.check("clutched_moved_deg", clutched == 0.0, clutched);
     let limits = [("pedal_stop_command_virtual_us", STOP_NS), ("hand_stop_command_virtual_us", HAND_STOP_NS)];
     for (nth, (name, limit_ns)) in limits.into_iter().enumerate() {
-        let (_, stop_ns) = stop_after(journal, Path::new(REPORTS), nth)?;
-        verdict.check(name, (0..=limit_ns).contains(&stop_ns), stop_ns / 1000);
+        stop_after(journal, Path::new(REPORTS), nth)?.judge(verdict, name, limit_ns);
     }
     let names = [
         ("pedal_told_virtual_ms", "pedal_inputs_moving", "pedal_rest_moved_deg", "pedal_again_moved_deg"),

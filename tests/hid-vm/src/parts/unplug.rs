@@ -80,9 +80,26 @@ fn play(mut mouse: SpaceMouse) -> anyhow::Result<(Instants, SpaceMouse)> {
     Ok((Instants { held, unplugged, plugged, pressed, released, n_lit_too_early }, mouse))
 }
 
-/// The first command that tells of a loss, and how long after it that was sent, ns: from the loss as the thread that reads the device stamps
-/// it in the file of its reports, and in the input that tells of it first. `nth` counts the losses of the file.
-pub fn stop_after<'a>(journal: &'a Journal, reports: &Path, nth: usize) -> anyhow::Result<(&'a Command, i64)> {
+/// The first command that tells of a loss.
+pub struct Stop<'a> {
+    command: &'a Command,
+    /// How long master, `resolve` and `compensate` took one after the other until each had published, ns.
+    hops_ns: [i64; 3],
+}
+
+impl Stop<'_> {
+    /// Judges how long after the loss it was sent.
+    pub fn judge(&self, verdict: &mut PartVerdict, name: &'static str, limit_ns: i64) {
+        let stop_ns: i64 = self.hops_ns.iter().sum();
+        let [master, resolve, compensate] = self.hops_ns.map(|ns| ns / 1000);
+        let figure = format!("{}={master}+{resolve}+{compensate}", stop_ns / 1000);
+        verdict.check(name, (0..=limit_ns).contains(&stop_ns), figure);
+    }
+}
+
+/// The stop of the `nth` loss of a file: from the loss as the thread that reads the device stamps it there, by the input that tells of it
+/// first.
+pub fn stop_after<'a>(journal: &'a Journal, reports: &Path, nth: usize) -> anyhow::Result<Stop<'a>> {
     let events: Vec<(i64, usize, RecordedEvent)> = HidRecording::load(reports)?.events().collect();
     let mut losses = events.iter().filter(|(.., event)| matches!(event, RecordedEvent::Plug(Plug::Out)));
     let (out_ns, ..) = losses.nth(nth).context("the file does not know of the loss")?;
@@ -93,13 +110,16 @@ pub fn stop_after<'a>(journal: &'a Journal, reports: &Path, nth: usize) -> anyho
     let mut commands = journal.commands.iter().skip_while(|command| command.sample_ns < out_ns);
     let stop = commands.find(|command| is_stop(command)).context("no command tells of the loss")?;
     ensure!(stop.input_sequence == input.sequence, "the first command that tells of the loss is of another input");
-    Ok((stop, stop.stamps.command_sent_ns - out_ns))
+    let s = &stop.stamps;
+    let at_ns = [out_ns, s.input_sent_ns, s.setpoint_sent_ns, s.command_sent_ns];
+    Ok(Stop { command: stop, hops_ns: core::array::from_fn(|hop| at_ns[hop + 1] - at_ns[hop]) })
 }
 
 /// From the loss to the command that goes no further.
 fn judge_stop(verdict: &mut PartVerdict, journal: &Journal) -> anyhow::Result<()> {
-    let (stop, stop_ns) = stop_after(journal, Path::new(REPORTS), 0)?;
-    verdict.check("stop_command_virtual_us", (0..=STOP_NS).contains(&stop_ns), stop_ns / 1000);
+    let stop = stop_after(journal, Path::new(REPORTS), 0)?;
+    stop.judge(verdict, "stop_command_virtual_us", STOP_NS);
+    let stop = stop.command;
     // The cap was held to one side, so that all motion went outwards.
     let bend_rad = |command: &Command| command.bend_rad[0].hypot(command.bend_rad[1]);
     let before = journal.commands.iter().rfind(|command| command.sequence < stop.sequence);
