@@ -207,7 +207,6 @@ impl Case<'_> {
         cautions.extend(self.hidden_scale(&chosen, &known));
         cautions.extend(self.hint.clone());
         let mut terms = chosen.fit.effects.clone();
-        let explained_share = floor.rms.filter(|_| !effects.is_empty()).map(|_| 1.0 - remaining.unexplained);
         let (effects, partial) = if matches!(verdict, Verdict::Unknown | Verdict::TooShort) {
             (Vec::new(), effects)
         } else {
@@ -219,6 +218,7 @@ impl Case<'_> {
             let only = |all: Vec<(FoundEffect, bool)>| all.into_iter().map(|(effect, _)| effect).collect::<Vec<_>>();
             (only(stand), only(partial))
         };
+        let explained_share = floor.rms.filter(|_| !effects.is_empty()).map(|_| 1.0 - remaining.unexplained);
         Ok(Diagnosis {
             sentence: match &self.hint {
                 Some(hint) => format!("the columns first: {hint}"),

@@ -143,7 +143,7 @@ pub(super) fn sentence(
 
 /// What shares are of: where the floor is not known noise is a part of it.
 fn whole(is_floor_known: bool) -> &'static str {
-    if is_floor_known { "what there was to explain" } else { "the mean square before, noise and all" }
+    if is_floor_known { "what there was to explain" } else { "the mean square, noise included" }
 }
 
 /// What a test would need, of data that are too short for one.

@@ -15,10 +15,11 @@ const SNAKE: &str = "format = 1\n[machine]\nkind = \"snake\"\n";
 const IN_MM: &str = "format = 1\n[machine]\nkind = \"joints\"\nn = 1\nu_unit = \"mm\"\ny_unit = \"mm\"\n";
 
 /// Every key of an answer, and what stands under it: s text, n number, a list, o object, b truth; ? where it may be null.
-const KEYS: [(&str, &str); 39] = [
+const KEYS: [(&str, &str); 40] = [
     ("format", "n"),
     ("verdict", "s"),
     ("sentence", "s"),
+    ("needed_s", "n?"),
     ("cautions", "a"),
     ("unit", "s"),
     ("noise_floor", "n?"),
