@@ -83,7 +83,7 @@ const LAB: [(&str, &str, &str); 4] = [
         "[...document.querySelectorAll('#lab .work button')].some(b => b.textContent.startsWith('Add ')) && document.querySelector('#lab .work progress') === null",
     ),
     (
-        "(files => { files.items.add(new File(['Zeit;links;rechts;unten;horizontal;vertikal\n' + Array.from({ length: 200 }, (_, k) => `${k / 50};${Math.sin(k)};${k % 7};${k % 11};${Math.cos(k)};${k % 13}`).join('\n')], 'theirs.csv')); document.getElementById('lab').dispatchEvent(new DragEvent('drop', { dataTransfer: files, bubbles: true })); })(new DataTransfer())",
+        "(files => { files.items.add(new File(['Zeit;links;rechts;unten;horizontal;vertikal\\n' + Array.from({ length: 200 }, (_, k) => `${k / 50};${Math.sin(k)};${k % 7};${k % 11};${Math.cos(k)};${k % 13}`).join('\\n')], 'theirs.csv')); document.getElementById('lab').dispatchEvent(new DragEvent('drop', { dataTransfer: files, bubbles: true })); })(new DataTransfer())",
         "the form for columns",
         "document.querySelectorAll('#lab .columns tbody select').length >= 6",
     ),
