@@ -292,7 +292,7 @@ fn latency_shows_what_the_doctor_finds_worst_first_and_asks_again() {
     let said = page.value("[...document.querySelectorAll('.findings li')].map(row => row.textContent)");
     let marks = page.value("[...document.querySelectorAll('.findings li')].map(row => row.className)");
     for (k, finding) in own.iter().enumerate() {
-        let row = said[k].as_str().expect("a sentence");
+        let row = said[k].as_str().expect("a sentence").replace('`', "");
         let says = |part: &Value, is_said: &dyn Fn(&str) -> bool| {
             let part = part.as_str().map(|part| part.replace('`', ""));
             assert!(part.is_none_or(|part| is_said(part.trim_end_matches('.'))), "{row}: {finding}");
