@@ -109,7 +109,7 @@ fn four_strokes_do_not_name_what_another_recording_of_the_same_jaw_denies() {
     let found = diagnosed(&joint(&folder.join("davinci-jaw/00.csv"), 1));
     let names: Vec<&str> = found.effects.iter().map(|own| own.name.as_str()).collect();
     assert!(names.len() == 1 && PLAY.contains(&names[0]), "{}", found.sentence);
-    assert_eq!(found.verdict, Verdict::Partly, "{}", found.sentence);
+    assert!(matches!(found.verdict, Verdict::Missing | Verdict::Partly), "{}", found.sentence);
 }
 
 /// Joint 3 moves there and a part of the way back: nine tenths of what it was sent are play, and its error stands in the last seconds.
