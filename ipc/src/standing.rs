@@ -14,17 +14,10 @@ pub struct Standing {
 }
 
 impl Standing {
-    /// That of the calling thread; time sharing where the kernel does not tell.
+    /// That of the calling thread, from the kernel's own book of it; time sharing where that cannot be read.
     pub fn of_this_thread() -> Self {
-        let mut found = libc::sched_param { sched_priority: 0 };
-        #[allow(unsafe_code)]
-        // SAFETY: the call takes a number and gives one.
-        let policy = unsafe { libc::sched_getscheduler(0) };
-        #[allow(unsafe_code)]
-        // SAFETY: the call writes the structure that it is given and nothing else.
-        let result = unsafe { libc::sched_getparam(0, &raw mut found) };
-        let is_fifo = policy >= 0 && result == 0 && policy & !libc::SCHED_RESET_ON_FORK == libc::SCHED_FIFO;
-        Self { priority: if is_fifo { u8::try_from(found.sched_priority).unwrap_or(0) } else { 0 } }
+        let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap_or_default();
+        Self { priority: fifo_priority(&stat).unwrap_or(0) }
     }
 
     /// Gives it to the calling thread; where it is time sharing, nothing changes. Threads that it starts later are not given it.
@@ -48,6 +41,14 @@ impl Standing {
         }
         set_policy(libc::SCHED_OTHER, 0)
     }
+}
+
+/// The priority under SCHED_FIFO that a thread's `stat` tells: fields 40 (priority) and 41 (policy) of proc(5), behind the name, which is the
+/// second and may hold anything.
+fn fifo_priority(stat: &str) -> Option<u8> {
+    let mut behind_name = stat.rsplit_once(')')?.1.split_whitespace().skip(37);
+    let (priority, policy) = (behind_name.next()?, behind_name.next()?);
+    (policy.parse() == Ok(libc::SCHED_FIFO)).then(|| priority.parse().ok())?
 }
 
 #[cfg(test)]
@@ -75,6 +76,15 @@ mod tests {
                 assert_eq!(Standing::of_this_thread().priority, 0);
             });
         });
+    }
+
+    #[test]
+    fn a_priority_is_read_behind_whatever_name_a_thread_has() {
+        let stat = |tail: &str| format!("12 (a) b (c) S {}{tail}", "0 ".repeat(36));
+        assert_eq!(fifo_priority(&stat("40 1 0 0")), Some(40));
+        for tail in ["0 0 0 0", "40 2 0 0", "300 1 0", "40", ""] {
+            assert_eq!(fifo_priority(&stat(tail)), None, "{tail:?}");
+        }
     }
 
     #[test]
