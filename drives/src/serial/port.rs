@@ -3,9 +3,10 @@
 use crate::bus::BusGone;
 use crate::error::OpenError;
 use crate::texts::{PORT_BLOCKED, PORT_GONE};
+use core::ops::RangeInclusive;
 use krait_ipc::clock::monotonic_ns;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
+use rustix::fs::{FlockOperation, Mode, OFlags, flock, fstat, major, open};
 use rustix::io::{Errno, read, write};
 use rustix::termios::{
     ControlModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, ioctl_tiocnxcl, tcflush, tcgetattr,
@@ -20,10 +21,19 @@ const WRITE_PATIENCE_NS: i64 = 100_000_000;
 /// Where lasting names of serial ports are.
 const BY_ID: &str = "/dev/serial/by-id";
 
+/// Major numbers of the pseudo-terminals that programs open.
+const PSEUDO_TERMINALS: RangeInclusive<u32> = 136..=143;
+
 /// An open serial port.
 #[derive(Debug)]
 pub(crate) struct Port {
     file: OwnedFd,
+}
+
+/// Whether a program plays the device, as an emulated bus does. Its end stays open, so that the kernel's exclusive mode would outlast
+/// whoever asked for it, and nobody but root could open the port again.
+fn is_pseudo_terminal(file: &OwnedFd) -> bool {
+    fstat(file).is_ok_and(|found| PSEUDO_TERMINALS.contains(&major(found.st_rdev)))
 }
 
 impl Port {
@@ -36,7 +46,9 @@ impl Port {
         let mut settings = tcgetattr(&file).map_err(|error| refused(path, error))?;
         make_plain(&mut settings, baud).map_err(|error| refused(path, error))?;
         tcsetattr(&file, OptionalActions::Now, &settings).map_err(|error| refused(path, error))?;
-        ioctl_tiocexcl(&file).map_err(|error| refused(path, error))?;
+        if !is_pseudo_terminal(&file) {
+            ioctl_tiocexcl(&file).map_err(|error| refused(path, error))?;
+        }
         tcflush(&file, QueueSelector::IOFlush).map_err(|error| refused(path, error))?;
         Ok(Self { file })
     }

@@ -74,9 +74,10 @@ fn trips(drive: &mut CanDrive, out: &mut Vec<Frame>) {
 }
 
 #[test]
-fn where_a_tripped_drive_has_let_go_the_others_give_way_by_their_loads_within_the_bound() {
+fn where_a_drive_has_let_go_the_others_give_way_by_their_loads_within_the_bound() {
     let press: fn(&mut CanDrive, &mut Vec<Frame>) = |drive, out| drive.press_emergency_stop(None, out);
-    for act in [trips, press] {
+    let starts_anew: fn(&mut CanDrive, &mut Vec<Frame>) = |drive, out| drive.power_loss(out);
+    for act in [trips, press, starts_anew] {
         let after = after(OnFault::Relax, act, usize::MAX);
         assert!(after.relaxes && after.failure.to_string().contains('2'), "{after:?}");
         for k in [0, 2] {
@@ -88,12 +89,9 @@ fn where_a_tripped_drive_has_let_go_the_others_give_way_by_their_loads_within_th
 }
 
 #[test]
-fn nothing_gives_way_without_the_word_relax_nor_for_silence_nor_for_one_that_started_anew() {
+fn nothing_gives_way_without_the_word_relax_nor_for_silence() {
     let silent: fn(&mut CanDrive, &mut Vec<Frame>) = |drive, _| drive.faults.is_silent = true;
-    let anew: fn(&mut CanDrive, &mut Vec<Frame>) = |drive, out| drive.power_loss(out);
-    for (on_fault, act) in
-        [(OnFault::Hold, trips as fn(&mut _, &mut _)), (OnFault::Relax, silent), (OnFault::Relax, anew)]
-    {
+    for (on_fault, act) in [(OnFault::Hold, trips as fn(&mut _, &mut _)), (OnFault::Relax, silent)] {
         let after = after(on_fault, act, usize::MAX);
         assert!(!after.relaxes && [0, 2].iter().all(|k| after.way_m[*k] == 0.0), "{after:?}");
     }

@@ -1,5 +1,6 @@
 //! `krait lab diagnose`: which effect is missing, in a table or as JSON.
 
+use super::init::cut;
 use super::next::after_diagnosis;
 use super::{page, stages};
 use crate::cli_lab::DiagnoseArgs;
@@ -306,11 +307,14 @@ fn proposals(all: &[FormulaTerm], names: &Names) -> Table {
     table
 }
 
+/// Letters of an effect's name in the table, so that a line has 80.
+const NAME: usize = 29;
+
 fn candidates(diagnosis: &Diagnosis, unit: &str) -> Table {
     let mut table = Table::new(&["effect", &format!("error ({unit})"), "sure", "p", "state"]);
     for own in diagnosis.candidates.iter().take(SHOWN) {
         table.row(vec![
-            own.name.to_owned(),
+            cut(own.name, NAME),
             own.heldout_rms.map_or("-".to_owned(), |rms| format!("{rms:.4}")),
             format!("{:.2}", own.probability),
             format!("{:.3}", own.p_value),

@@ -110,7 +110,7 @@ fn text(found: &Proposal, name: &str) -> String {
 }
 
 /// At most so many characters, none of which moves a terminal's cursor.
-fn cut(text: &str, most: usize) -> String {
+pub(super) fn cut(text: &str, most: usize) -> String {
     let plain = text.replace(char::is_control, "?");
     if plain.chars().count() <= most {
         return plain;
