@@ -16,7 +16,7 @@ use krait_lab::{AddOptions, Measurements, Session, Term, add, save};
 use krait_model::model_file::{Known, Machine, ModelFile};
 use std::path::{Path, PathBuf};
 
-const PLAY: [&str; 3] = ["backlash", "bouc-wen", "prandtl-ishlinskii"];
+const PLAY: [&str; 4] = ["backlash", "bouc-wen", "prandtl-ishlinskii", "generalised-prandtl-ishlinskii"];
 const LATE: [&str; 4] = ["latency", "first-order-lag", "second-order", "rate-limit"];
 
 /// File, joint, what one of the effects must be, and the largest error that may be left, degrees. Plain least squares with
