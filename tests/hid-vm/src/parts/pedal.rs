@@ -45,8 +45,7 @@ pub fn pedal() -> anyhow::Result<PartVerdict> {
     let (profile, config) = ("/tmp/pedal.toml", "/tmp/pedal-chain.toml");
     std::fs::write(profile, PROFILE).context("a profile")?;
     let beside = format!("record_reports = \"{REPORTS}\"\n[[master.beside]]\nprofile = \"{profile}\"\n");
-    std::fs::write(config, format!("[realtime]\npriority = 40\n[master]\npresence = \"hold:0\"\n{beside}"))
-        .context("a configuration")?;
+    std::fs::write(config, format!("[master]\npresence = \"hold:0\"\n{beside}")).context("a configuration")?;
     let (mouse, pedal) = (SpaceMouse::plug(Model::Compact)?, Pedal::plug()?);
     let listed = VmEnded::of(User::Root, &["devices", "--config", config])?;
     verdict.check(
