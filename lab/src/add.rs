@@ -1,5 +1,6 @@
 //! Adding an effect to a model, or fitting those that it has: values, standard errors, and the error on data not fitted to.
 
+use crate::diagnose::floor::Floor;
 use crate::diagnose::Calibration;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit_to_end, held_out_output_squares, uncertainty};
@@ -40,8 +41,10 @@ pub struct Added {
     pub before: f64,
     /// Error on blocks that the fit did not see.
     pub after: f64,
-    /// The measurement's own noise, if the data tell.
+    /// The measurement's own noise; `None` where the data do not tell.
     pub noise_floor: Option<f64>,
+    /// Its relative standard error; zero where it is unknown.
+    pub floor_relative_error: f64,
     /// Gain and offset that were fitted with it; empty for a machine without such numbers.
     pub calibration: Vec<Calibration>,
     /// Those of them that were asked for by name, or that the model file calls "free": they go into the file.
@@ -125,11 +128,10 @@ fn with_own(joints: &JointsLab, data: &Measurements, options: &AddOptions, alone
 
 /// What was fitted, with gains and offsets as calibration.
 fn without_machine(machine: &FreeJoints, found: Added, calibration: Vec<Calibration>) -> Added {
-    let Added { terms, variables, uncertainty, before, after, noise_floor, .. } = found;
+    let Added { terms, variables, uncertainty, .. } = found;
     let Together { terms, variables, uncertainty, calibration } =
         machine.without_machine(Together { terms, variables, uncertainty, calibration });
-    let joint_numbers = Vec::new();
-    Added { terms, variables, uncertainty, calibration, before, after, noise_floor, joint_numbers }
+    Added { terms, variables, uncertainty, calibration, joint_numbers: Vec::new(), ..found }
 }
 
 /// Fits parameters of the model's own effects: effect's label and parameter's name.
@@ -241,14 +243,15 @@ impl<'a> Bench<'a> {
 
     fn report(&self, fitted: Fit) -> Added {
         let (_, scale) = self.machine.error_unit();
-        let width = self.problem.data.n_outputs as f64;
         stage("On data that it was not fitted to");
         let held_out: f64 = held_out_output_squares(&self.problem, &fitted, FOLDS).iter().sum();
+        let floor = Floor::new(&self.problem, &self.floors, &fitted.residual);
         Added {
             uncertainty: uncertainty(&self.problem, &fitted),
             before: self.before * scale,
             after: self.problem.rms_of_outputs(held_out) * scale,
-            noise_floor: self.floors.sigma().map(|(sigma, _)| sigma * width.sqrt() * scale),
+            noise_floor: floor.rms,
+            floor_relative_error: floor.relative_error,
             terms: fitted.effects,
             variables: fitted.variables,
             calibration: Vec::new(),

@@ -186,13 +186,17 @@ impl Offered {
         values
     }
 
-    /// What it adds to a joint's position with one of its amplitudes, by its number among them, 1 and the others 0; 0 where it is not
-    /// finite, as in a chain.
-    pub(crate) fn column(self, here: AtJoint, at: &Circumstances, amplitude: usize, shapes: &[f64]) -> f64 {
+    /// Its parameters with one of its amplitudes, by its number among them, 1 and the others 0.
+    pub(crate) fn unit(self, amplitude: usize, shapes: &[f64]) -> [f64; MAX_PARAMETERS] {
         let one: Vec<f64> = (0..self.0.amplitudes.len()).map(|k| f64::from(u8::from(k == amplitude))).collect();
         let mut parameters = [0.0; MAX_PARAMETERS];
         parameters.iter_mut().zip(self.values(&one, shapes)).for_each(|(own, value)| *own = value);
-        self.0.of_joint.as_ref().and_then(|own| own.value(here, at, &parameters)).unwrap_or(0.0)
+        parameters
+    }
+
+    /// What it adds to a joint's position; 0 where it is not finite, as in a chain.
+    pub(crate) fn value(self, here: AtJoint, at: &Circumstances, parameters: &[f64; MAX_PARAMETERS]) -> f64 {
+        self.0.of_joint.as_ref().and_then(|own| own.value(here, at, parameters)).unwrap_or(0.0)
     }
 
     /// The columns that its names stand for, in the formula's order.

@@ -258,7 +258,8 @@ function settle(short, title, answer, ending, verb, more = []) {
   draw();
 }
 
-const isAtNoise = ({ heldout_rms: { after }, noise_floor: floor }) => floor !== null && after < 1.05 * floor;
+// As the diagnosis judges it: 4 % above a floor that is known exactly, and two of its standard errors more.
+const isAtNoise = ({ heldout_rms: { after }, noise_floor: floor, noise_floor_relative_se: se }) => floor !== null && after <= (1.04 + 2 * se) * floor;
 
 async function add() {
   const own = found[one], bars = grownBars() ?? falls.slice(0, 1), from = base;

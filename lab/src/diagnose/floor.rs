@@ -10,7 +10,7 @@ use crate::noise::{FloorSource, NoiseFloor, at_floor, remembers};
 
 /// The measurement's own noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Floor {
+pub(crate) struct Floor {
     /// Length of the error that it makes, in the unit of errors; `None`: unknown.
     pub rms: Option<f64>,
     /// Its relative standard error; zero where it is unknown.
@@ -22,6 +22,21 @@ pub(super) struct Floor {
 impl Floor {
     const UNKNOWN: Self = Self { rms: None, relative_error: 0.0, source: "the data do not tell" };
 
+    /// The floor in the unit of errors, of a fit that leaves this residual.
+    pub fn new(problem: &Problem, floors: &NoiseFloor, residual: &[f64]) -> Self {
+        let Some((sigma, source)) = floors.sigma() else { return Self::UNKNOWN };
+        let known = |source| Self { rms: Some(rms_of(problem, sigma)), relative_error: floors.relative_error(), source };
+        match source {
+            FloorSource::White | FloorSource::Rest => known(source.label()),
+            FloorSource::Differences if !remembers(&scored(problem, residual), problem.data.n_outputs) => {
+                known("differences; what is left has no memory")
+            }
+            FloorSource::Differences => {
+                Self { source: "unknown: differences between neighbouring rows alone are no floor", ..Self::UNKNOWN }
+            }
+        }
+    }
+
     /// Whether an error is no more than the floor, as far as the floor is known.
     pub fn is_reached(&self, rms: f64) -> bool {
         self.rms.is_some_and(|floor| rms <= at_floor(self.relative_error) * floor)
@@ -31,30 +46,18 @@ impl Floor {
 impl Case<'_> {
     /// The floor in the unit of errors, with what this trial leaves.
     pub(super) fn floor(&self, chosen: &Trial) -> Floor {
-        let problem = self.full.problem;
-        let Some((sigma, source)) = self.floors.sigma() else { return Floor::UNKNOWN };
-        let known =
-            |source| Floor { rms: Some(self.rms_of(sigma)), relative_error: self.floors.relative_error(), source };
-        match source {
-            FloorSource::White | FloorSource::Rest => known(source.label()),
-            FloorSource::Differences if !remembers(&scored(problem, &chosen.fit.residual), problem.data.n_outputs) => {
-                known("differences; what is left has no memory")
-            }
-            FloorSource::Differences => {
-                Floor { source: "unknown: differences between neighbouring rows alone are no floor", ..Floor::UNKNOWN }
-            }
-        }
+        Floor::new(self.full.problem, &self.floors, &chosen.fit.residual)
     }
 
     /// What noise makes at least of the error, in its unit: the floor, or a hint at one.
     pub(super) fn least_of(&self, floors: &NoiseFloor) -> Option<f64> {
-        floors.sigma().map(|(sigma, _)| self.rms_of(sigma))
+        floors.sigma().map(|(sigma, _)| rms_of(self.full.problem, sigma))
     }
+}
 
-    fn rms_of(&self, sigma: f64) -> f64 {
-        let problem = self.full.problem;
-        sigma * (problem.data.n_outputs as f64).sqrt() * problem.machine.error_unit().1
-    }
+/// The length of an error whose every output has this standard deviation, in the unit of errors.
+fn rms_of(problem: &Problem, sigma: f64) -> f64 {
+    sigma * (problem.data.n_outputs as f64).sqrt() * problem.machine.error_unit().1
 }
 
 /// The outputs' entries of a residual in the rows that count.

@@ -118,7 +118,7 @@ pub(super) fn sentence(
             names(),
             stand_and_take(effects.len()),
             100.0 * (1.0 - remaining.unexplained),
-            whole(is_known),
+            of_what(is_known),
             remaining.looks_like.map_or(String::new(), |what| format!(", and the rest depends on {what}"))
         ) + &format!("; {}", sure(effects)),
         Verdict::Missing => format!(
@@ -135,14 +135,14 @@ pub(super) fn sentence(
             "something is missing that no known effect, nor two together, explains: {after:.3} {unit} remain beside {floor}, \
              {:.0} % of {}{}",
             100.0 * remaining.unexplained,
-            whole(is_known),
+            of_what(is_known),
             remaining.looks_like.map_or(String::new(), |what| format!("; it depends on {what}"))
         ),
     }
 }
 
 /// What shares are of: where the floor is not known noise is a part of it.
-fn whole(is_floor_known: bool) -> &'static str {
+pub(crate) fn of_what(is_floor_known: bool) -> &'static str {
     if is_floor_known { "what there was to explain" } else { "the mean square, noise included" }
 }
 

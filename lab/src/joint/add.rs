@@ -3,7 +3,7 @@
 use super::answer;
 use super::beside::settle;
 use super::decide::{candidates, fast_noise, problem};
-use super::floor::floor;
+use super::floor::{Floor, floor};
 use super::gate::{Blocks, held_out};
 use super::kind::Kind;
 use super::numbers::{excluded, names_and_trials};
@@ -34,7 +34,8 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
     let only = wanted.values.first().map_or(0, |joint| joint.round() as usize);
     let mut terms = machine.effects().to_vec();
     let (mut variables, mut robust, mut naive) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut before, mut after, mut noise) = (0.0, 0.0, Some(0.0));
+    let (mut before, mut after) = (0.0, 0.0);
+    let mut floors = Vec::new();
     let mut calibration = Vec::new();
     let mut is_known = false;
     stage("Fitting the effect");
@@ -61,8 +62,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
         let errors = [search.base(), &fit].map(|fit| held_out(&signal, fit, loss, &blocks, 3).mean_square);
         (before, after) = (before + errors[0], after + errors[1]);
         let problem = problem(machine, data, &signal, times);
-        let own_floor = floor(&signal, &problem, &fit, errors[1].min(errors[0]).sqrt());
-        noise = noise.zip(own_floor.sigma).map(|(sum, sigma)| sum + sigma * sigma);
+        floors.push(floor(&signal, &problem, &fit, errors[1].min(errors[0]).sqrt()));
         let values = terms::values(&signal, &fit, &problem);
         for (member, values) in fit.members.iter().zip(&values.members) {
             terms.push(term(member.kind, joint, values));
@@ -75,16 +75,26 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
         calibration.extend(answer::of_machine(machine, joint, &values, &names));
     }
     let (_, scale) = machine.error_unit();
+    let floor = of_all(&floors);
     Ok(is_known.then(|| Added {
         terms,
         variables,
         uncertainty: Uncertainty { robust, naive },
         before: before.sqrt() * scale,
         after: after.sqrt() * scale,
-        noise_floor: noise.map(|square: f64| square.sqrt() * scale),
+        noise_floor: floor.map(|(sigma, _)| sigma * scale),
+        floor_relative_error: floor.map_or(0.0, |(_, error)| error),
         calibration,
         joint_numbers: Vec::new(),
     }))
+}
+
+/// The length of all joints' floors together, with its relative standard error; `None` where one of them is not known.
+fn of_all(floors: &[Floor]) -> Option<(f64, f64)> {
+    let squares: Vec<f64> = floors.iter().map(|own| own.sigma.map(|sigma| sigma * sigma)).collect::<Option<_>>()?;
+    let sum: f64 = squares.iter().sum();
+    let spread = squares.iter().zip(floors).map(|(square, own)| (square * own.relative_error).powi(2)).sum::<f64>();
+    Some((sum.sqrt(), if sum > 0.0 { spread.sqrt() / sum } else { 0.0 }))
 }
 
 /// The fit with a number that depends on the column that was asked for.

@@ -241,15 +241,19 @@ impl Signal {
         Self { formulas: Arc::new(formulas), ..self }
     }
 
-    /// What a formula adds in a row with one of its amplitudes 1, where the position before it is `x`.
-    pub fn formula(&self, own: Offered, row: usize, x: &[f64], amplitude: usize, shapes: &[f64]) -> f64 {
-        let here = AtJoint {
-            u: self.inputs[self.joint][row],
-            y: self.formulas.line.0 * (x[row] + self.base_added[row]) + self.formulas.line.1,
-            motion: self.formulas.motion[row],
-            joint: self.joint,
+    /// What a formula adds in each row of the loss with one of its amplitudes 1, where the positions before it are `x`.
+    pub fn formula(&self, own: Offered, x: &[f64], amplitude: usize, shapes: &[f64]) -> Vec<f64> {
+        let parameters = own.unit(amplitude, shapes);
+        let added = |&row: &usize| {
+            let here = AtJoint {
+                u: self.inputs[self.joint][row],
+                y: self.formulas.line.0 * (x[row] + self.base_added[row]) + self.formulas.line.1,
+                motion: self.formulas.motion[row],
+                joint: self.joint,
+            };
+            own.value(here, &self.formulas.at(own, row, self.time_s[row]), &parameters)
         };
-        own.column(here, &self.formulas.at(own, row, self.time_s[row]), amplitude, shapes)
+        self.rows.iter().map(added).collect()
     }
 
     /// Whether the joint was told to move and did: else nothing can be said of it.

@@ -207,10 +207,7 @@ fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
             (1..=WAVES).map(wave).collect()
         }
         Kind::Rhythm => waves(s, |row| TAU * values[0] * s.time_s[row]),
-        Kind::Own(own) => {
-            let column = |amplitude: usize| on_rows(&|row| s.formula(own, row, x, amplitude, values));
-            (0..member.kind.n_linear()).map(column).collect()
-        }
+        Kind::Own(own) => (0..member.kind.n_linear()).map(|k| s.formula(own, x, k, values)).collect(),
         Kind::Fading => vec![on_rows(&|row| unit(row) * row as f64 / s.n() as f64)],
         Kind::Product(k) => vec![on_rows(&|row| unit(row) * s.inputs[k][row])],
         Kind::OtherSquare(k) => vec![on_rows(&|row| s.inputs[k][row].powi(2))],

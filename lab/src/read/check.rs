@@ -39,16 +39,16 @@ pub(super) fn enough(place: &Place, data: &Measurements) -> Result<(), ReadError
     }
     let is_still = |(low, high): (f64, f64)| high - low <= STILL * high.abs().max(low.abs());
     if ranges(&data.inputs, data.n_inputs).all(is_still) {
-        let what = format!("{inputs} hold one single pose");
+        let what = format!("one single pose was found in {inputs}");
         return little(what, "a machine that moves", "record a motion with reversals");
     }
     let n_scored = (0..data.n_rows()).filter(|&row| data.is_scored(row)).count();
     if n_scored < MIN_SCORED {
-        let what = format!("{outputs} are filled in {n_scored} rows");
+        let what = format!("{n_scored} rows have values in {outputs}");
         return little(what, "10 rows or more", "record a longer run, or check the camera");
     }
     if ranges(&data.outputs, data.n_outputs).all(|(low, high)| low == high) {
-        let what = format!("{outputs} never change, although the machine moves");
+        let what = format!("nothing ever changes in {outputs}, although the machine moves");
         return little(what, "measurements that follow the motion", "check the sensor and its cable");
     }
     Ok(())

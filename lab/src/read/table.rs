@@ -59,7 +59,10 @@ pub(super) fn measurements(path: &Path, mut table: Table, expected: Expected, sh
 
 /// Where a table's measurements stand in their file.
 pub(super) fn place<'a>(path: &'a Path, table: &Table) -> Place<'a> {
-    let names = |is_one: fn(Role) -> bool| format!("columns {}", table.plan.names(is_one));
+    let names = |is_one: fn(Role) -> bool| match table.plan.names(is_one) {
+        several if several.contains(", ") => format!("columns {several}"),
+        one => format!("column {one}"),
+    };
     Place {
         path,
         rows: match table.last {

@@ -5,7 +5,7 @@ use super::paragraph;
 use super::{sketch, verdict};
 use crate::Added;
 use crate::compare::Comparison;
-use crate::diagnose::{Diagnosis, FoundEffect, capital};
+use crate::diagnose::{Diagnosis, FoundEffect, capital, of_what};
 use crate::measurements::Names;
 use krait_model::effects::explanation;
 use krait_model::model_file::HistoryEntry;
@@ -165,7 +165,8 @@ pub(super) fn remaining(diagnosis: &Diagnosis) -> String {
         (true, None) => "What is left has structure.".to_owned(),
         (false, _) => "What is left shows no structure that noise does not make, or too little to matter.".to_owned(),
     };
-    let said = format!("{said} Of what there was to explain, {:.1} % is left.", 100.0 * rest.unexplained);
+    let whole = of_what(diagnosis.noise_floor.is_some());
+    let said = format!("{said} Of {whole}, {:.1} % is left.", 100.0 * rest.unexplained);
     let group = |own: &crate::diagnose::GroupShare| {
         vec![own.name.to_owned(), format!("{:.2}", 100.0 * own.share), format!("{:.3}", own.p_value)]
     };

@@ -170,7 +170,7 @@ fn a_file_with_too_little_in_it_is_refused() {
     let pose = |t: f64| format!("{t},0.001,0.002,0.003,{},0", 0.01 * t.sin());
     refused("one_pose", run(HEADER, pose), &["lines 2 to 61", "q1_m, q2_m, q3_m", "one single pose", "reversals"]);
     let stuck = |t: f64| format!("{t},{},0,0,0.3,0.1", 1e-3 * t.sin());
-    refused("stuck", run(HEADER, stuck), &["bend_x_rad, bend_y_rad", "never change", "sensor"]);
+    refused("stuck", run(HEADER, stuck), &["nothing ever changes in columns bend_x_rad, bend_y_rad", "sensor"]);
     let blind = |t: f64| format!("{t},{},0,0,,", 1e-3 * t.sin());
     refused("blind", run(HEADER, blind), &["bend_x_rad, bend_y_rad", "0 rows"]);
     let both = run(&format!("{HEADER},weight,sigma_bend_rad"), |t| format!("{},1,1", good(t)));

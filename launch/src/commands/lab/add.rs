@@ -275,6 +275,7 @@ fn answer(
         "effect": what, "model": out, "params": params,
         "format": 2, "unit": unit,
         "heldout_rms": errors, "heldout_rms_deg": (unit == "deg").then_some(&errors),
+        "noise_floor_relative_se": added.noise_floor.map(|_| added.floor_relative_error),
         "noise_floor": added.noise_floor, "noise_floor_deg": added.noise_floor.filter(|_| unit == "deg"),
         "calibration": added.calibration.iter().map(krait_lab::diagnose::Calibration::to_json).collect::<Vec<_>>(),
         "not_compensated": not_compensated,
