@@ -1,7 +1,7 @@
 //! Adding an effect to a model, or fitting those that it has: values, standard errors, and the error on data not fitted to.
 
-use crate::diagnose::floor::Floor;
 use crate::diagnose::Calibration;
+use crate::diagnose::floor::Floor;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit_to_end, held_out_output_squares, uncertainty};
 use crate::free::free_variables;

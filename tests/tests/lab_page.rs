@@ -349,6 +349,11 @@ fn an_open_set_is_taken_to_the_last_bar(page: &mut BrowserPage, folder: &TempFol
     let texts = page.value("[...document.querySelectorAll('#lab .fall text.value')].map(text => text.textContent)");
     let after = added["heldout_rms"]["after"].as_f64().expect("a number");
     assert_eq!(texts, serde_json::json!([format!("{rms:.2}°"), format!("{after:.2}°")]), "both bars");
+    let floor = added["noise_floor"].as_f64().zip(added["noise_floor_relative_se"].as_f64());
+    let is_noise = floor.is_some_and(|(floor, se)| after <= (1.04 + 2.0 * se) * floor);
+    let said = page.text("#lab .work");
+    assert_eq!(said.contains("own noise"), is_noise, "{after} {floor:?}: {said}");
+    assert_eq!(said.contains("Something is left"), !is_noise, "{said}");
 }
 
 /// The pictures that a job has written open under a policy that lets them reach nothing of the console, and are drawn all the same.

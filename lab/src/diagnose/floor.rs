@@ -25,7 +25,8 @@ impl Floor {
     /// The floor in the unit of errors, of a fit that leaves this residual.
     pub fn new(problem: &Problem, floors: &NoiseFloor, residual: &[f64]) -> Self {
         let Some((sigma, source)) = floors.sigma() else { return Self::UNKNOWN };
-        let known = |source| Self { rms: Some(rms_of(problem, sigma)), relative_error: floors.relative_error(), source };
+        let known =
+            |source| Self { rms: Some(rms_of(problem, sigma)), relative_error: floors.relative_error(), source };
         match source {
             FloorSource::White | FloorSource::Rest => known(source.label()),
             FloorSource::Differences if !remembers(&scored(problem, residual), problem.data.n_outputs) => {

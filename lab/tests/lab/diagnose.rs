@@ -79,7 +79,7 @@ pub fn made_on(mut data: Measurements, hidden: &[Term], seed: u64) -> Measuremen
 }
 
 /// Adding an effect from the catalogue's starts.
-fn adding(name: &str, value: f64, refit: Vec<(String, String)>) -> AddOptions {
+pub fn adding(name: &str, value: f64, refit: Vec<(String, String)>) -> AddOptions {
     AddOptions { term: term(name, &[value]), from_given: false, free: Vec::new(), refit, recordings: Vec::new() }
 }
 

@@ -247,7 +247,10 @@ fn a_torque_that_never_changes_and_a_joint_that_does_not_move_are_refused_in_one
     let still = refused("constant", |t| ((2.0 * t).sin(), 0.25));
     assert!(still.contains("nothing ever changes in column tau1_nm") && still.contains("check the sensor"), "{still}");
     let rests = refused("rests", |t| (0.3, t.sin()));
-    assert!(rests.contains("one single pose was found in column q1_rad") && rests.contains("record a motion"), "{rests}");
+    assert!(
+        rests.contains("one single pose was found in column q1_rad") && rests.contains("record a motion"),
+        "{rests}"
+    );
     std::fs::remove_file(&path).expect("the file goes");
     assert!(machine_of(&model).is_ok(), "the model is no reason");
 }

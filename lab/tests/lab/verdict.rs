@@ -1,12 +1,12 @@
 //! What a verdict rests on: whether the data are long enough for a test, and how well the floor is known.
 
-use super::diagnose::{NOISE_RAD, diagnosed, lab, made_on, motion, motion_of, term};
+use super::diagnose::{NOISE_RAD, adding, diagnosed, lab, made_on, motion, motion_of, term};
 use super::init::{TextbookJoint, of_force};
 use super::noise::Noise;
 use krait_lab::diagnose::{Diagnosis, Verdict};
 use krait_lab::machine::MachineUnderTest;
 use krait_lab::noise::NoiseFloor;
-use krait_lab::{Measurements, Problem};
+use krait_lab::{Measurements, Problem, add};
 
 /// A snake whose tip sways in time, which no effect does; 20 rows a second.
 fn swaying(seconds: usize) -> Diagnosis {
@@ -117,29 +117,36 @@ fn restless() -> Measurements {
     data
 }
 
-fn in_noise(hidden: &[krait_lab::Term], kept: f64, seed: u64) -> Diagnosis {
+fn in_noise(hidden: &[krait_lab::Term], kept: f64, seed: u64) -> Measurements {
     let mut data = made_on(restless(), hidden, seed);
     let clean = lab().predict(hidden, &data).unwrap();
     let noise = noise(data.n_rows(), kept, seed);
     data.outputs = clean.iter().zip(noise).map(|(clean, noise)| clean + noise).collect();
-    diagnosed(&data)
+    data
 }
 
 #[test]
 fn differences_alone_are_a_floor_only_where_what_is_left_has_no_memory() {
     let hidden = [term("stiffness-scale", &[1.1])];
-    let white = in_noise(&hidden, 0.0, 3);
+    let [in_white, in_slow] = [0.0, 0.5].map(|kept| in_noise(&hidden, kept, 3));
+    let white = diagnosed(&in_white);
     assert_eq!(white.verdict, Verdict::Missing, "{}", white.sentence);
     let floor = white.noise_floor.unwrap() / (NOISE_RAD.to_degrees() * 2.0_f64.sqrt());
     assert!((0.9..1.1).contains(&floor) && white.explained_share.unwrap() > 0.9, "{floor} {:?}", white.explained_share);
     assert!(white.to_json()["noise_floor_relative_se"].as_f64().is_some_and(|error| error > 0.0));
 
     // Half of the row before.
-    let slow = in_noise(&hidden, 0.5, 3);
+    let slow = diagnosed(&in_slow);
     assert!(slow.floor_source.starts_with("unknown"), "{}", slow.floor_source);
     assert_eq!((slow.noise_floor, slow.explained_share), (None, None), "{}", slow.sentence);
     assert_eq!(slow.verdict, Verdict::Missing, "{}", slow.sentence);
     assert!(slow.to_json()["noise_floor_relative_se"].is_null());
-    let alarms = (40..46).filter(|&seed| in_noise(&[], 0.5, seed).verdict != Verdict::None).count();
+    let alarms = (40..46).filter(|&seed| diagnosed(&in_noise(&[], 0.5, seed)).verdict != Verdict::None).count();
     assert!(alarms <= 1, "{alarms} of 6");
+
+    // Adding the effect judges the floor alike.
+    let [in_white, in_slow] =
+        [in_white, in_slow].map(|data| add(&lab(), &data, &adding("stiffness-scale", 1.05, Vec::new())).unwrap());
+    assert!(in_white.noise_floor.is_some() && in_white.floor_relative_error > 0.0, "{:?}", in_white.noise_floor);
+    assert_eq!((in_slow.noise_floor, in_slow.floor_relative_error), (None, 0.0));
 }
