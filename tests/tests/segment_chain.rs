@@ -65,16 +65,16 @@ fn rms_deg(score: &Value) -> f64 {
 fn two_segments_follow_better_with_every_compensation_down_to_the_camera_s_error_and_verify() {
     let folder = TempFolder::new("segments");
     let [off, naive, full] = ["off", "naive", "full"].map(|name| folder.file(&format!("{name}.mcap")));
-    let score = |recording: &str, more: &[&str], label: &str| {
-        let figures = run(recording, "13", more);
-        let pass = &figures["passes"][0];
-        assert_eq!((pass["compensation"].as_str(), pass["peak_bend_deg"].is_null()), (Some(label), true), "{pass}");
-        pass["joints"].clone()
-    };
-    let off_deg = rms_deg(&score(&off, &["--compensation", "off"], "off"));
-    let naive_deg = rms_deg(&score(&naive, &["--compensation", "naive"], "naive"));
-    let full_score = score(&full, &[], "model");
+    let pass = run(&full, "13", &[])["passes"][0].clone();
+    assert_eq!((pass["compensation"].as_str(), pass["peak_bend_deg"].is_null()), (Some("model"), true), "{pass}");
+    let full_score = pass["joints"].clone();
     let full_deg = rms_deg(&full_score);
+    // The same hand through the same processes, in the simulated segments' time.
+    let replayed = |again: &str, more: &[&str]| {
+        done(&[&["replay", &full, "--speed", "max", "--recording", again, "--json"], more].concat())
+    };
+    let off_deg = rms_deg(&replayed(&off, &["--compensation", "off"])["joints"]);
+    let naive_deg = rms_deg(&replayed(&naive, &["--compensation", "naive"])["joints"]);
     assert!(naive_deg < 0.5 * off_deg, "{naive_deg} deg with elastic lines alone, {off_deg} deg without");
     assert!(full_deg < 0.4 * naive_deg, "{full_deg} deg with every effect, {naive_deg} deg with elastic lines alone");
     assert!(full_deg < 1.2 * FLOOR_DEG, "{full_deg} deg, and the camera alone has {FLOOR_DEG}");
@@ -88,28 +88,14 @@ fn two_segments_follow_better_with_every_compensation_down_to_the_camera_s_error
     }
     // Played again, they do as well, and twice the same.
     let (one, two) = (folder.file("one.mcap"), folder.file("two.mcap"));
-    let replayed = |again: &str| done(&["replay", &full, "--speed", "max", "--recording", again, "--json"]);
-    let again = replayed(&one);
+    let again = replayed(&one, &[]);
     assert!(again["samples"]["lost"] == 0 && rms_deg(&again["joints"]) < 1.2 * FLOOR_DEG, "{again}");
-    replayed(&two);
+    replayed(&two, &[]);
     let alike = done(&["compare", &one, &two, "--json"]);
     assert!(alike["apart"]["command_mm"]["max"] == 0.0 && alike["apart"]["setpoint_joints"]["max"] == 0.0, "{alike}");
     let apart = done(&["compare", &off, &full, "--json"]);
     let side = |letter: &str| rms_deg(&apart[letter]["joints"]);
     assert!((side("a") - off_deg).abs() < 1e-9 && (side("b") - full_deg).abs() < 1e-9, "run and compare say the same");
-    // Another stage in a replay: the same segments without their effects.
-    let bare = done(&[
-        "replay",
-        &full,
-        "--compensation",
-        "off",
-        "--speed",
-        "max",
-        "--recording",
-        &folder.file("bare.mcap"),
-        "--json",
-    ]);
-    assert!(rms_deg(&bare["joints"]) > 3.0 * full_deg, "{bare}");
     let table = folder.file("full.csv");
     let exported = Ended::of(&["export", &full, "--out", &table], PATIENCE);
     assert_eq!(exported.code, Some(0), "{exported:?}");

@@ -11,6 +11,17 @@ use std::time::Duration;
 /// Where zero is.
 pub const ZERO: i32 = 2048;
 
+/// A test with servos of each make, side by side: it waits for its bus more than it works.
+pub fn on_each_make(test: impl Fn(ServoMake) + Sync) {
+    let test = &test;
+    std::thread::scope(|all| {
+        let running = ServoMake::ALL.map(|make| (make, all.spawn(move || test(make))));
+        for (make, own) in running {
+            assert!(own.join().is_ok(), "with servos of make {make:?}, see above");
+        }
+    });
+}
+
 /// Three sound servos near their zero.
 pub fn three(make: ServoMake) -> ServoWire {
     ServoWire::new((1..=3).map(|id| Servo::of(make, id, f64::from(ZERO) + f64::from(id))).collect())

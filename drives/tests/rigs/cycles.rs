@@ -1,6 +1,6 @@
 //! Every cycle of the bus reaches the slave, and drives made of the record repeat a slave's run, also where one fails.
 
-use crate::rig::{config, three};
+use crate::rig::{config, on_each_make, three};
 use krait_drives::emulator::Emulator;
 use krait_drives::{RecordedDrive, Repeated, ServoMake, open_drive, setup_of};
 use krait_ipc::clock::monotonic_ns;
@@ -88,8 +88,7 @@ fn again(run: &Run, cycles: &[DriveCycle], config: &SlaveConfig) -> (Repeated, V
 
 #[test]
 fn the_cycles_are_complete_name_the_failure_and_repeat_the_run() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let run = run(make);
         let numbers: Vec<u64> = run.cycles.iter().map(|cycle| cycle.cycle).collect();
         assert_eq!(numbers, (0..run.cycles.len() as u64).collect::<Vec<_>>(), "the opening and each cycle once");
@@ -126,7 +125,7 @@ fn the_cycles_are_complete_name_the_failure_and_repeat_the_run() {
         let mut gap = run.cycles.clone();
         gap.remove(20);
         assert_eq!(again(&run, &gap, &run.config).0.n_missing, 1);
-    }
+    });
 }
 
 #[test]

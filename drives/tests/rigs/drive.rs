@@ -1,6 +1,6 @@
 //! The drive on an emulated bus: units there and back, and how each failure of one actuator ends for all.
 
-use crate::rig::{Rig, ZERO, config, three};
+use crate::rig::{Rig, ZERO, config, on_each_make, three};
 use krait_drives::emulator::{Emulator, ServoWire};
 use krait_drives::{BusDrive, ServoMake, open_drive};
 use krait_ipc::clock::monotonic_ns;
@@ -12,8 +12,7 @@ const PER_M: f64 = 4096.0 / (core::f64::consts::TAU * 0.008);
 
 #[test]
 fn wishes_become_counts_and_come_back_as_readings_that_know_their_instant() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let mut rig = Rig::powered(make);
         let before = rig.cycles(2);
         assert_eq!(before.state[..3], [ActuatorState::On; 3]);
@@ -32,13 +31,12 @@ fn wishes_become_counts_and_come_back_as_readings_that_know_their_instant() {
         assert_eq!(rig.drive.failure(), None);
         drop(rig.drive);
         assert!(rig.emulator.wire().servos.iter().all(|servo| !servo.is_powered()), "the end takes the power away");
-    }
+    });
 }
 
 #[test]
 fn what_must_not_be_done_is_refused_and_moves_nothing() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let mut rig = Rig::new(make);
         assert_eq!(rig.drive.write(monotonic_ns(), lines([0.0; 3])), Err(DriveError::NotPowered));
         assert_eq!(rig.goals(), [0; 3], "no goal before power");
@@ -52,7 +50,7 @@ fn what_must_not_be_done_is_refused_and_moves_nothing() {
         rig.cycles(3);
         assert_eq!(rig.goals(), before);
         assert_eq!(rig.drive.failure(), None);
-    }
+    });
 }
 
 /// Breaks the second servo in motion; the sentence, and the states of all after some more cycles.
@@ -67,8 +65,7 @@ fn broken(make: ServoMake, break_it: fn(&Emulator)) -> (Rig, String) {
 
 #[test]
 fn whatever_becomes_of_one_the_others_hold_under_power_and_nothing_resumes_by_itself() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         type Case = (fn(&Emulator), &'static str, ActuatorState);
         let cases: [Case; 6] = [
             (|e| e.wire().servos[1].faults.is_silent = true, "not answered", ActuatorState::Lost),
@@ -103,13 +100,12 @@ fn whatever_becomes_of_one_the_others_hold_under_power_and_nothing_resumes_by_it
             assert_eq!((rig.goals()[0], rig.goals()[2]), (goals[0], goals[2]), "{words}");
             assert!(rig.emulator.wire().servos[0].is_powered() && rig.emulator.wire().servos[2].is_powered());
         }
-    }
+    });
 }
 
 #[test]
 fn power_that_is_switched_anew_forgives_what_has_been_mended() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let (mut rig, _) = broken(make, |e| e.wire().servos[1].faults.is_silent = true);
         rig.drive.quick_stop(monotonic_ns());
         assert_eq!(rig.drive.set_power(monotonic_ns(), true), Ok(Switching::Busy), "a new turn");
@@ -122,13 +118,12 @@ fn power_that_is_switched_anew_forgives_what_has_been_mended() {
         rig.drive.write(monotonic_ns(), lines([0.0; 3])).unwrap();
         rig.cycles(8);
         assert_eq!((rig.goals(), rig.drive.failure()), (vec![ZERO; 3], None));
-    }
+    });
 }
 
 #[test]
 fn a_slave_that_falls_silent_is_noticed_by_the_bus_itself() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let emulator = Emulator::start(three(make)).unwrap();
         let mut config = config(make, &emulator);
         config.drive.wish_ms = 200.0;
@@ -142,13 +137,12 @@ fn a_slave_that_falls_silent_is_noticed_by_the_bus_itself() {
             "{sentence}"
         );
         assert!(rig.emulator.wire().servos.iter().all(|servo| servo.is_powered()), "they hold");
-    }
+    });
 }
 
 #[test]
 fn an_adapter_that_is_unplugged_is_a_failure_of_the_bus_and_ends_the_thread_in_order() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let Rig { emulator, mut drive } = Rig::powered(make);
         drop(emulator);
         for _ in 0..5000 {
@@ -160,13 +154,12 @@ fn an_adapter_that_is_unplugged_is_a_failure_of_the_bus_and_ends_the_thread_in_o
         }
         let failure = drive.failure().unwrap().to_string();
         assert!(failure.contains("its port is gone"), "{failure}");
-    }
+    });
 }
 
 #[test]
 fn an_adapter_that_is_plugged_in_again_is_opened_again_when_power_is_switched_and_strangers_on_it_are_not_moved() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let folder = std::env::temp_dir().join(format!("krait-replug-{make:?}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         // As a lasting name in /dev/serial/by-id is one.
@@ -215,13 +208,12 @@ fn an_adapter_that_is_plugged_in_again_is_opened_again_when_power_is_switched_an
         again.cycles(8);
         assert_eq!((again.goals(), again.drive.failure()), (vec![ZERO; 3], None));
         std::fs::remove_dir_all(folder).unwrap();
-    }
+    });
 }
 
 #[test]
 fn a_dry_run_reads_the_servos_shows_the_wishes_and_never_switches_power() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let emulator = Emulator::start(three(make)).unwrap();
         let mut config = config(make, &emulator);
         config.drive.mode = DriveMode::Dry;
@@ -240,5 +232,5 @@ fn a_dry_run_reads_the_servos_shows_the_wishes_and_never_switches_power() {
         drop(drive);
         let wire = emulator.wire();
         assert!(wire.servos.iter().all(|servo| !servo.is_powered() && servo.n_goals == 0));
-    }
+    });
 }

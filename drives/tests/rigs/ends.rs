@@ -2,7 +2,7 @@
 
 mod whole_bus;
 
-use crate::rig::{Rig, config, three};
+use crate::rig::{Rig, config, on_each_make, three};
 use krait_drives::emulator::{Emulator, Faults, ServoWire};
 use krait_drives::{ServoMake, open_drive};
 use krait_ipc::clock::monotonic_ns;
@@ -116,7 +116,7 @@ fn whatever_fails_in_motion_the_recorded_goals_of_the_others_come_to_rest_by_one
         ("heat", |e| e.wire().servos[1].faults.error = 4),
         ("leap", |e| e.wire().servos[1].place = 4094.0),
     ];
-    for make in ServoMake::ALL {
+    on_each_make(|make| {
         let mut n_ramps = 0;
         for (what, break_it) in cases {
             let mut motion = Motion::begin(make, |_| {});
@@ -136,7 +136,7 @@ fn whatever_fails_in_motion_the_recorded_goals_of_the_others_come_to_rest_by_one
         }
         // A machine under load may have had no wish for the cycle of a failure: then all were at rest.
         assert!(n_ramps > 0, "{make:?}: nobody had anything to brake");
-    }
+    });
 }
 
 /// What a fault of the line costs.
@@ -162,7 +162,7 @@ fn a_fault_of_the_line_in_motion_costs_readings_of_one_servo_and_the_goals_go_on
         ("two pieces", |f| (f.two_pieces, f.late) = (1, Duration::from_millis(3)), Costs::Nothing),
         ("late, but in time", |f| f.late = Duration::from_millis(10), Costs::Nothing),
     ];
-    for make in ServoMake::ALL {
+    on_each_make(|make| {
         // Long cycles: what is late by itself on a machine under load is in time here.
         let mut motion = Motion::begin(make, |config| (config.drive.period_ms, config.drive.timeout_ms) = (60.0, 50.0));
         for (what, set, costs) in rows {
@@ -196,7 +196,7 @@ fn a_fault_of_the_line_in_motion_costs_readings_of_one_servo_and_the_goals_go_on
                 assert!(has_answered(last, k) && own.goal_counts == own.told_counts, "{what}: whole again");
             }
         }
-    }
+    });
 }
 
 fn has_answered(cycle: &DriveCycle, k: usize) -> bool {

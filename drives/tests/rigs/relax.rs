@@ -1,6 +1,6 @@
 //! One of three emulated servos lets go of its line; the others bend a simulated snake on cables and feel it.
 
-use crate::rig::{Rig, ZERO, config, newton_metre_per_ampere, three};
+use crate::rig::{Rig, ZERO, config, newton_metre_per_ampere, on_each_make, three};
 use krait_drives::emulator::{Coupling, Emulator, Servo, ServoWire};
 use krait_drives::{ServoMake, open_drive};
 use krait_ipc::clock::monotonic_ns;
@@ -62,7 +62,7 @@ fn where_one_says_that_it_is_limp_the_loads_of_the_others_fall_within_the_bound_
     let limp: fn(&mut Servo) = |servo| servo.overload = 0.0;
     let hot: fn(&mut Servo) = |servo| servo.faults.error = 4;
     let silent: fn(&mut Servo) = |servo| servo.faults.is_silent = true;
-    for make in ServoMake::ALL {
+    on_each_make(|make| {
         let (way_m, change_n, relaxes) = after(make, OnFault::Relax, limp, false);
         for k in [0, 2] {
             assert!(change_n[k] < -1.0, "{make:?}: {change_n:?}");
@@ -82,7 +82,7 @@ fn where_one_says_that_it_is_limp_the_loads_of_the_others_fall_within_the_bound_
         let (stopped_m, ..) = after(make, OnFault::Relax, limp, true);
         let ends = [0, 2].iter().all(|k| stopped_m[*k] < 0.75 * way_m[*k]);
         assert!(ends, "{make:?}: a stop ends it: {stopped_m:?} of {way_m:?}");
-    }
+    });
 }
 
 /// Whether lines 1 and 3, and the jaw's wire, gave way after the servo of this number, from 0, has let go of what it held.

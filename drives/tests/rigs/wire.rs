@@ -1,6 +1,6 @@
 //! Every fault of the serial line, on servos of both makes, one of three at a time: the others are read in the same cycle, and the next is whole.
 
-use crate::rig::{ZERO, config, three};
+use crate::rig::{ZERO, config, on_each_make, three};
 use krait_drives::emulator::{Emulator, Faults, Servo, ServoWire};
 use krait_drives::{ActuatorBus, Goals, Seen, ServoBus, ServoMake, Trouble};
 use krait_slave::ActuatorConfig;
@@ -23,8 +23,7 @@ fn spoil(emulator: &Emulator, faults: Faults) {
 
 #[test]
 fn a_reply_that_is_spoilt_on_its_way_costs_one_reading_of_one_servo() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         type Fault = (&'static str, fn(&mut Faults));
         let faults: [Fault; 5] = [
             ("checksum", |f| f.bad_checksum = 1),
@@ -58,13 +57,12 @@ fn a_reply_that_is_spoilt_on_its_way_costs_one_reading_of_one_servo() {
             assert!(whole.is_some_and(|n| n == 0 || is_late), "{name}: whole again after {whole:?}");
             assert_eq!(seen.counts[1], before.counts[1] + 5, "{name}: the newest answer counts");
         }
-    }
+    });
 }
 
 #[test]
 fn a_stray_byte_a_pause_a_late_reply_within_the_time_out_and_an_echo_cost_nothing() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let (emulator, mut bus, mut seen) = bus(make);
         let ms = Duration::from_millis;
         for faults in [
@@ -83,13 +81,12 @@ fn a_stray_byte_a_pause_a_late_reply_within_the_time_out_and_an_echo_cost_nothin
             assert_eq!(seen.has_answered[..3], [true; 3]);
         }
         assert_eq!(seen.trouble[..3], [Trouble::None; 3]);
-    }
+    });
 }
 
 #[test]
 fn a_servo_that_is_unplugged_hides_no_other_wherever_it_hangs() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let (emulator, mut bus, mut seen) = bus(make);
         for k in 0..3 {
             emulator.wire().servos[k].faults.is_silent = true;
@@ -98,13 +95,12 @@ fn a_servo_that_is_unplugged_hides_no_other_wherever_it_hangs() {
             assert_eq!(seen.has_answered[..3], others[..]);
             emulator.wire().servos[k].faults.is_silent = false;
         }
-    }
+    });
 }
 
 #[test]
 fn what_a_servo_complains_of_is_read_with_its_position() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let (emulator, mut bus, mut seen) = bus(make);
         // 5 are two of them at once.
         let complaints = match make {
@@ -125,13 +121,12 @@ fn what_a_servo_complains_of_is_read_with_its_position() {
         spoil(&emulator, Faults { error: 1 << 5, ..Faults::default() });
         bus.ask(&mut seen).unwrap();
         assert_eq!(seen.trouble[..3], [Trouble::None, Trouble::Limp, Trouble::None]);
-    }
+    });
 }
 
 #[test]
 fn an_old_answer_and_a_lost_goal_are_told_by_the_goal_that_the_servo_knows() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let (emulator, mut bus, mut seen) = bus(make);
         let mut goals = Goals { counts: [2100; 12], counts_per_s: [1000.0; 12] };
         bus.switch(true, &goals).unwrap();
@@ -150,13 +145,12 @@ fn an_old_answer_and_a_lost_goal_are_told_by_the_goal_that_the_servo_knows() {
         bus.tell(&goals).unwrap();
         bus.ask(&mut seen).unwrap();
         assert_eq!(seen.goal_counts[..3], [2101, 2100, 2101]);
-    }
+    });
 }
 
 #[test]
 fn a_cycle_is_two_packets_whatever_the_number_of_servos() {
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let (emulator, mut bus, mut seen) = bus(make);
         let before = emulator.wire().n_requests;
         for _ in 0..10 {
@@ -164,14 +158,13 @@ fn a_cycle_is_two_packets_whatever_the_number_of_servos() {
             bus.ask(&mut seen).unwrap();
         }
         assert_eq!(emulator.wire().n_requests - before, 20);
-    }
+    });
 }
 
 #[test]
 fn twelve_servos_are_told_and_read_in_two_packets_and_one_that_is_spoilt_or_unplugged_hides_no_other() {
     const N: usize = 12;
-    for make in ServoMake::ALL {
-        println!("{make:?}");
+    on_each_make(|make| {
         let servos = (1..=N as u8).map(|id| Servo::of(make, id, f64::from(ZERO) + f64::from(id))).collect();
         let emulator = Emulator::start(ServoWire::new(servos)).unwrap();
         let mut drive = config(make, &emulator).drive;
@@ -207,5 +200,5 @@ fn twelve_servos_are_told_and_read_in_two_packets_and_one_that_is_spoilt_or_unpl
                 assert_eq!(seen.has_answered, [true; N], "{faults:?}");
             }
         }
-    }
+    });
 }

@@ -1,8 +1,7 @@
 //! How what befalls the whole bus ends for all servos in motion: the adapter is unplugged, or the slave falls silent.
 
 use super::{Motion, PER_M, RATE_M_PER_S};
-use crate::rig::three;
-use krait_drives::ServoMake;
+use crate::rig::{on_each_make, three};
 use krait_drives::emulator::Emulator;
 use krait_ipc::message::{ActuatorCycle, DriveCycle};
 use krait_slave::Drive;
@@ -31,7 +30,7 @@ fn judge_motion(motion: &Motion, failed: usize, what: &str) {
 
 #[test]
 fn an_adapter_that_is_unplugged_in_motion_takes_no_goal_any_more_also_when_it_is_plugged_in_again() {
-    for make in ServoMake::ALL {
+    on_each_make(|make| {
         let what = format!("{make:?}");
         let folder = std::env::temp_dir().join(format!("krait-unplugged-{make:?}-{}", std::process::id()));
         fs::create_dir_all(&folder).unwrap();
@@ -67,12 +66,12 @@ fn an_adapter_that_is_unplugged_in_motion_takes_no_goal_any_more_also_when_it_is
         let wire = motion.wire().clone();
         assert_eq!(wire.n_requests, 0, "{what}: what is plugged in again is not even asked");
         fs::remove_dir_all(folder).unwrap();
-    }
+    });
 }
 
 #[test]
 fn a_slave_that_is_silent_for_too_long_in_motion_leaves_all_at_its_last_wish_and_nothing_resumes_when_it_is_back() {
-    for make in ServoMake::ALL {
+    on_each_make(|make| {
         let what = format!("{make:?}");
         let mut motion = Motion::begin(make, |config| config.drive.wish_ms = WISH_MS as f64);
         motion.go(4);
@@ -101,5 +100,5 @@ fn a_slave_that_is_silent_for_too_long_in_motion_leaves_all_at_its_last_wish_and
         assert!((wished - newest.actuators[0].wish_q_m).abs() < 1e-12, "{what}: and is refused");
         let failure = motion.rig.drive.failure().unwrap().to_string();
         assert!(failure.starts_with("the slave was silent for "), "{what}: {failure}");
-    }
+    });
 }
