@@ -11,7 +11,7 @@ use crate::config::CompensateConfig;
 use crate::live_model::SegmentModel;
 use crate::mismatch::{Mismatch, Seen};
 use crate::reach::{Reach, Wish};
-use crate::resolve_segments::of_lanes;
+use crate::resolve_segments::{bend_of, of_lanes};
 use crate::step::{
     BridgeError, Refused, Step, check_age, check_joints, check_model, stamps_begun, step_s, tell_compensate_ages,
 };
@@ -90,7 +90,7 @@ impl SegmentCompensateCore {
         check_joints(self.memory.before_ns, setpoint, n_bends)?;
         let bends = of_lanes(&setpoint.joints_rad, n_bends);
         for segment in 0..self.machine.n() {
-            let (found, limit) = (bends[2 * segment].hypot(bends[2 * segment + 1]), self.machine.max_bend_rad(segment));
+            let (found, limit) = (bend_of(&bends, segment).norm(), self.machine.max_bend_rad(segment));
             if found > limit {
                 return Err(Refused { reason: Reason::OutOfRange, found, limit });
             }

@@ -17,7 +17,7 @@ use krait_ipc::message::{Health, JointValues, MAX_JOINTS, OperatorInput, Phase, 
 use krait_ipc::{Reason, Reasons};
 use krait_model::ModelHash;
 use krait_model::segments::{
-    Bends, MAX_BENDS, MAX_SEGMENTS, SegmentChain, SegmentCompensator, SegmentRateWeights, SegmentStatus,
+    Bends, MAX_BENDS, MAX_SEGMENTS, SegmentChain, SegmentCompensator, SegmentRateWeights, SegmentStatus, TwistByBends,
 };
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 
@@ -40,6 +40,8 @@ pub struct SegmentResolveCore {
 #[derive(Clone, Copy, Debug)]
 struct Memory {
     bends: Bends,
+    /// Tip position in the base frame, m, and Jacobian at the bends.
+    tip: (Vector3<f64>, TwistByBends),
     bends_vel: Bends,
     phase: Phase,
     sequence: u64,
@@ -68,6 +70,7 @@ impl SegmentResolveCore {
             state: None,
             memory: Memory {
                 bends: Bends::zeros(),
+                tip: model.chain().machine().tip(&Bends::zeros()),
                 bends_vel: Bends::zeros(),
                 phase: Phase::Holding,
                 sequence: 0,
@@ -131,12 +134,13 @@ impl SegmentResolveCore {
         let is_allowed = (0..MAX_SEGMENTS).all(|segment| bend_of(&own, segment).norm() <= self.max_bend_rad[segment]);
         if is_allowed && (own - self.memory.bends).amax() > RESEED_RAD {
             self.memory.bends = own;
+            self.memory.tip = self.chain.machine().tip(&own);
         }
     }
 
     /// The rates of all bends for a twist of the tip, within the limits; the second value is the common scale that they asked for.
     fn limited(&self, twist_in_base: &Vector6<f64>, reasons: &mut Reasons) -> (Bends, f64) {
-        let rate = self.chain.machine().bend_rates(&self.memory.bends, twist_in_base, &self.weights);
+        let rate = self.chain.machine().bend_rates(&self.memory.tip.1, twist_in_base, &self.weights);
         reasons.insert_if(Reason::NearSingular, rate.is_near_singular);
         let mut vel = rate.bends_vel_rad_per_s;
         let fastest = fastest(&vel);
@@ -181,6 +185,7 @@ impl SegmentResolveCore {
         self.memory.sequence += 1;
         let machine = self.chain.machine();
         let (bends, bends_vel) = (self.memory.bends, self.memory.bends_vel);
+        self.memory.tip = machine.tip(&bends);
         let q_tilde_vel = self.lines.rates_m_per_s(&bends_vel);
         Setpoint {
             sequence: self.memory.sequence,
@@ -193,7 +198,7 @@ impl SegmentResolveCore {
             joints_rad: in_lanes(&bends),
             joints_vel_rad_per_s: in_lanes(&bends_vel),
             q_tilde_vel_m_per_s: q_tilde_vel.into(),
-            tip_pos_in_base_m: machine.tip_pos_in_base_m(&bends).into(),
+            tip_pos_in_base_m: self.memory.tip.0.into(),
             motion_scale,
             model_hash: self.model.0,
             phase: self.memory.phase as u32,
@@ -219,7 +224,8 @@ fn in_lanes(bends: &Bends) -> JointValues {
     lanes
 }
 
-fn bend_of(bends: &Bends, segment: usize) -> Vector2<f64> {
+/// The bend vector of a segment, from 0.
+pub(crate) fn bend_of(bends: &Bends, segment: usize) -> Vector2<f64> {
     bends.fixed_rows::<2>(2 * segment).into_owned()
 }
 

@@ -73,9 +73,9 @@ struct Track {
 #[derive(Clone, Debug)]
 pub struct SegmentCompensator {
     chain: SegmentChain,
-    /// Travel of the seats and of the ends that turns a sign around, m.
-    friction_travel_m: LineValues,
-    play_travel_m: LineValues,
+    /// How much a sign turns per metre of the seats' travel (friction) and of the ends' (play), 1/m.
+    friction_turn_per_m: LineValues,
+    play_turn_per_m: LineValues,
     memory: SegmentMemory,
 }
 
@@ -110,13 +110,13 @@ impl SegmentCompensator {
             last,
             learnt: chain.start_values(),
         };
-        let mut own = Self { friction_travel_m: zeros, play_travel_m: zeros, chain: chain.clone(), memory };
+        let mut own = Self { friction_turn_per_m: zeros, play_turn_per_m: zeros, chain: chain.clone(), memory };
         // The transition is measured in travel of q; seats and ends travel further by the slope of the extension.
         let (seat, end) = (own.seat_slopes(), own.chain.machine.j() + own.alpha_m_per_rad());
         for k in 0..own.chain.machine.n_lines() {
             let slope = |of: &LinesByBends| (of.row(k).norm() / own.chain.machine.j().row(k).norm()).max(0.1);
-            own.friction_travel_m[k] = own.chain.transition_m * slope(&seat);
-            own.play_travel_m[k] = own.chain.transition_m * slope(&end);
+            own.friction_turn_per_m[k] = 2.0 / (own.chain.transition_m * slope(&seat));
+            own.play_turn_per_m[k] = 2.0 / (own.chain.transition_m * slope(&end));
         }
         own.step(&bends_rad);
         own
@@ -126,7 +126,7 @@ impl SegmentCompensator {
     ///
     /// # Real-time
     /// No allocation; loops over lines and segments, and at most as many pivots as [`super::Segments::share_loads`].
-    pub fn step(&mut self, bends_rad: &Bends) -> SegmentCommand {
+    pub fn step(&mut self, bends_rad: &Bends) -> &SegmentCommand {
         if !bends_rad.iter().all(|bend| bend.is_finite()) {
             return self.held(SegmentStatus::NotFinite);
         }
@@ -141,7 +141,7 @@ impl SegmentCompensator {
         let at = |k: usize| self.memory.track.end_m[k].at(friction[k]) + self.chain.half_width_m(k) * play[k];
         let n_lines = self.chain.machine.n_lines();
         let q_tilde_m = LineValues::from_fn(|k, _| if k < n_lines { at(k) } else { 0.0 });
-        let last = SegmentCommand {
+        self.memory.last = SegmentCommand {
             q_m: plan.q_m,
             q_tilde_m,
             tau_n: plan.loads.tau_n,
@@ -151,8 +151,7 @@ impl SegmentCompensator {
         };
         self.memory.bends_rad = wanted_rad;
         self.memory.active = plan.loads.active;
-        self.memory.last = last;
-        last
+        &self.memory.last
     }
 
     /// The values in force of the parameters that the chain learns, in their order; NaN behind the last.
@@ -226,9 +225,9 @@ impl SegmentCompensator {
         self.chain.set(&self.memory.learnt);
     }
 
-    fn held(&mut self, status: SegmentStatus) -> SegmentCommand {
+    fn held(&mut self, status: SegmentStatus) -> &SegmentCommand {
         self.memory.last.status = status;
-        self.memory.last
+        &self.memory.last
     }
 
     /// Advances the signs: friction's first, and then the play's in the direction in which the line's end really moves. Its passage
@@ -237,12 +236,12 @@ impl SegmentCompensator {
         let SegmentMemory { friction, play, track, .. } = &mut self.memory;
         for k in 0..self.chain.machine.n_lines() {
             let was = friction[k];
-            let turned = |sign: f64, travelled: f64, travel: f64| (sign + 2.0 * travelled / travel).clamp(-1.0, 1.0);
-            friction[k] = turned(was, track.seat_m[k] - before.seat_m[k], self.friction_travel_m[k]);
+            let turned = |sign: f64, travelled_m: f64, per_m: f64| (sign + travelled_m * per_m).clamp(-1.0, 1.0);
+            friction[k] = turned(was, track.seat_m[k] - before.seat_m[k], self.friction_turn_per_m[k]);
             let here = track.end_m[k].at(friction[k]);
             let limits = here - before.end_m[k].at(friction[k]);
             let travelled = limits.abs().copysign(here - before.end_m[k].at(was));
-            play[k] = turned(play[k], travelled, self.play_travel_m[k]);
+            play[k] = turned(play[k], travelled, self.play_turn_per_m[k]);
         }
     }
 

@@ -57,6 +57,8 @@ pub type LineValues = SVector<f64, MAX_LINES>;
 pub type LinesByBends = SMatrix<f64, MAX_LINES, MAX_BENDS>;
 /// One row for each component of the bends, one column for each line.
 pub type BendsByLines = SMatrix<f64, MAX_BENDS, MAX_LINES>;
+/// A row for each component of the tip's twist, linear (m/rad), then angular (rad/rad), base frame; a column for each component of the bends.
+pub type TwistByBends = SMatrix<f64, 6, MAX_BENDS>;
 /// One row and one column for each component of the bends.
 pub type BendsByBends = SMatrix<f64, MAX_BENDS, MAX_BENDS>;
 /// Learns parameters of segments; see [`VectorLearner`].

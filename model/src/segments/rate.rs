@@ -9,8 +9,8 @@
 //! Damping: k grows from 0 to `damping` as a direction's gain falls from `damping` to 0, in every eigendirection by itself. So the
 //! straight pose, where no segment can advance the tip, costs no other direction anything.
 
-use super::{Bends, MAX_BENDS, Segments};
-use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+use super::{Bends, MAX_BENDS, Segments, TwistByBends};
+use nalgebra::{SMatrix, SVector, Vector2, Vector6};
 
 /// How much the components of the tip's motion count beside the lateral ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,23 +28,20 @@ pub struct SegmentRateWeights {
 pub struct SegmentRate {
     /// Rates of the bends, rad/s.
     pub bends_vel_rad_per_s: Bends,
-    /// Centre of the last disk in the base frame, m.
-    pub tip_pos_in_base_m: Vector3<f64>,
     /// Whether the lateral motion itself was damped.
     pub is_near_singular: bool,
 }
 
 impl Segments {
-    /// Rates of the bends that move the tip as wanted; `twist` is (m/s, rad/s) in the base frame.
+    /// Rates of the bends that move the tip as wanted; `j` is the Jacobian of [`Segments::tip`], `twist` is (m/s, rad/s) in the base frame.
     ///
     /// # Real-time
-    /// No allocation; two Cholesky factors of as many rows as there are bends, and where a direction is damped one eigenvalue
+    /// No allocation; two factors of as many rows as there are bends, and where a direction is damped one eigenvalue
     /// decomposition with a bounded number of rounds.
-    pub fn bend_rates(&self, bends_rad: &Bends, twist: &Vector6<f64>, weights: &SegmentRateWeights) -> SegmentRate {
+    pub fn bend_rates(&self, j: &TwistByBends, twist: &Vector6<f64>, weights: &SegmentRateWeights) -> SegmentRate {
         let SegmentRateWeights { axial, turn_m_per_rad: turn, damping_m_per_rad: damping } = *weights;
-        let (tip_pos_in_base_m, j) = self.tip(bends_rad);
         let weight = Vector6::new(1.0, 1.0, axial, turn, turn, turn);
-        let weighted = SMatrix::<f64, 6, MAX_BENDS>::from_fn(|i, k| weight[i] * j[(i, k)]);
+        let weighted = TwistByBends::from_fn(|i, k| weight[i] * j[(i, k)]);
         let twist = weight.component_mul(twist);
         // Columns of segments that are not there would cost as much as those of others.
         let undamped = match self.n {
@@ -54,31 +51,55 @@ impl Segments {
         };
         let bends_vel_rad_per_s = undamped.unwrap_or_else(|| damped(&weighted, &twist, damping));
         let lateral = j.fixed_rows::<2>(0) * j.fixed_rows::<2>(0).transpose();
-        let (middle, half) =
-            (0.5 * (lateral.m11 + lateral.m22), (0.5 * (lateral.m11 - lateral.m22)).hypot(lateral.m12));
+        let apart = Vector2::new(0.5 * (lateral.m11 - lateral.m22), lateral.m12);
+        let (middle, half) = (0.5 * (lateral.m11 + lateral.m22), apart.norm());
         let is_near_singular = (middle - half).max(0.0).sqrt() < 4.0 * damping;
-        SegmentRate { bends_vel_rad_per_s, tip_pos_in_base_m, is_near_singular }
+        SegmentRate { bends_vel_rad_per_s, is_near_singular }
     }
 }
 
 /// The least squares over the first N columns where no direction is damped: every gain is at least `damping` where what is left of the
-/// normal matrix without its square still has a Cholesky factor.
-fn undamped<const N: usize>(
-    weighted: &SMatrix<f64, 6, MAX_BENDS>,
-    twist: &Vector6<f64>,
-    damping: f64,
-) -> Option<Bends> {
+/// normal matrix without its square still is positive definite.
+fn undamped<const N: usize>(weighted: &TwistByBends, twist: &Vector6<f64>, damping: f64) -> Option<Bends> {
     let own: SMatrix<f64, 6, N> = weighted.fixed_columns::<N>(0).into_owned();
     let normal: SMatrix<f64, N, N> = own.tr_mul(&own);
-    (normal - SMatrix::from_diagonal_element(damping * damping)).cholesky()?;
-    let rates: SVector<f64, N> = normal.cholesky()?.solve(&own.tr_mul(twist));
+    factor(&(normal - SMatrix::from_diagonal_element(damping * damping)))?;
+    let rates = solved(&factor(&normal)?, own.tr_mul(twist));
     let mut all = Bends::zeros();
     all.fixed_rows_mut::<N>(0).copy_from(&rates);
     Some(all)
 }
 
+/// L and the reciprocals of D, on the diagonal, of a symmetric matrix L D L^T, where L has ones on its diagonal; `None` where the matrix
+/// is not positive definite. The library's Cholesky factor takes twice as long at these sizes, in each step of `resolve`.
+fn factor<const N: usize>(symmetric: &SMatrix<f64, N, N>) -> Option<SMatrix<f64, N, N>> {
+    // L D, column by column.
+    let mut scaled = *symmetric;
+    let mut l = SMatrix::<f64, N, N>::zeros();
+    for column in 0..N {
+        for row in column..N {
+            scaled[(row, column)] -= (0..column).map(|k| scaled[(row, k)] * l[(column, k)]).sum::<f64>();
+        }
+        let per_d = Some(scaled[(column, column)]).filter(|d| *d > 0.0)?.recip();
+        l[(column, column)] = per_d;
+        (column + 1..N).for_each(|row| l[(row, column)] = scaled[(row, column)] * per_d);
+    }
+    Some(l)
+}
+
+/// The solution x of L D L^T x = right side, of a factor as [`factor`] gives it.
+fn solved<const N: usize>(l: &SMatrix<f64, N, N>, mut x: SVector<f64, N>) -> SVector<f64, N> {
+    for row in 0..N {
+        x[row] -= (0..row).map(|k| l[(row, k)] * x[k]).sum::<f64>();
+    }
+    for row in (0..N).rev() {
+        x[row] = x[row] * l[(row, row)] - (row + 1..N).map(|k| l[(k, row)] * x[k]).sum::<f64>();
+    }
+    x
+}
+
 /// The same with every direction damped by its own gain; directions of segments that are not there have none.
-fn damped(weighted: &SMatrix<f64, 6, MAX_BENDS>, twist: &Vector6<f64>, damping: f64) -> Bends {
+fn damped(weighted: &TwistByBends, twist: &Vector6<f64>, damping: f64) -> Bends {
     let mut rates = Bends::zeros();
     let wanted = weighted.tr_mul(twist);
     let Some(eigen) = weighted.tr_mul(weighted).try_symmetric_eigen(f64::EPSILON, MAX_ROUNDS) else { return rates };

@@ -4,9 +4,9 @@
 //! c = (1 - cos b)/b^2 and s = sin b / b, as [`crate::Snake`]'s. A rate of b_j moves the tip as segment j's own end moves, and turns
 //! all that is behind it about that end.
 
-use super::{Bends, MAX_BENDS, MAX_SEGMENTS, Segments};
+use super::{Bends, MAX_SEGMENTS, Segments, TwistByBends};
 use crate::series::Arc;
-use nalgebra::{Isometry3, Matrix3, Matrix3x2, Rotation3, SMatrix, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Isometry3, Matrix3, Matrix3x2, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
 
 /// One arc: end, rotation, and how both move with the bend vector.
 struct Segment {
@@ -55,11 +55,10 @@ impl Segments {
         })
     }
 
-    /// Position of the last disk's centre in the base frame, m, and the Jacobian of its twist by the bends, 6x6: linear rows (m/rad), then
-    /// angular rows (rad/rad), base frame.
-    pub fn tip(&self, bends_rad: &Bends) -> (Vector3<f64>, SMatrix<f64, 6, MAX_BENDS>) {
+    /// Position of the last disk's centre in the base frame, m, and the Jacobian of its twist by the bends.
+    pub fn tip(&self, bends_rad: &Bends) -> (Vector3<f64>, TwistByBends) {
         let mut ends_m = [Vector3::zeros(); MAX_SEGMENTS];
-        let mut j = SMatrix::<f64, 6, MAX_BENDS>::zeros();
+        let mut j = TwistByBends::zeros();
         let (mut at_m, mut base_from_here) = (Vector3::zeros(), Matrix3::identity());
         for (idx, end_m) in ends_m.iter_mut().enumerate().take(self.n) {
             let arc = self.arc(idx, bends_rad);

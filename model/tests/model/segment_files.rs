@@ -36,7 +36,7 @@ fn the_shipped_file_is_two_segments_of_the_papers_dimensions() {
     assert_eq!((chain.machine().n(), chain.machine().n_lines(), chain.eta()), (2, 6, 1.22));
     let mut bends = Bends::zeros();
     (bends[0], bends[3]) = (0.5, 0.4);
-    let command = chain.compensator().step(&bends);
+    let command = *chain.compensator().step(&bends);
     assert!(matches!(command.status, SegmentStatus::Good(_)), "{:?}", command.status);
     assert!(file.joint_chain(Default::default()).unwrap().is_none());
     assert!(file.chain(Default::default()).unwrap().is_none() && file.first_open().is_none());

@@ -255,8 +255,8 @@ fn loads_that_cannot_be_kept_hold_the_command_and_name_the_line() {
     assert!((bounded.tau_n[0] + 12.0).abs() < 1e-9);
     let narrow = SegmentsParameters { high_n: 3.0, ..parameters };
     let mut compensator = SegmentChain::new(&narrow, &[]).unwrap().compensator();
-    let good = compensator.step(&bend(0.2));
-    let held = compensator.step(&bend(1.2));
+    let good = *compensator.step(&bend(0.2));
+    let held = *compensator.step(&bend(1.2));
     assert!(matches!(held.status, SegmentStatus::Held(Sharing::Infeasible { .. })), "{:?}", held.status);
     assert_eq!(held.q_tilde_m, good.q_tilde_m);
     assert_eq!(compensator.step(&(bend(0.2) * f64::NAN)).q_tilde_m, good.q_tilde_m);
@@ -272,17 +272,19 @@ fn the_tip_goes_as_wanted_where_the_segments_can() {
     // Advancing has the smallest gain here, and turning costs it most.
     for (wanted, left) in [([1.0, 0.0, 0.0], 5e-3), ([0.0, 1.0, 0.0], 5e-3), ([0.0, 0.0, 1.0], 2e-2)] {
         let twist = Vector6::new(1e-2 * wanted[0], 1e-2 * wanted[1], 1e-2 * wanted[2], 0.0, 0.0, 0.0);
-        let rate = machine.bend_rates(&b, &twist, &weights);
+        let rate = machine.bend_rates(&machine.tip(&b).1, &twist, &weights);
         let moved = machine.tip(&b).1 * rate.bends_vel_rad_per_s;
         assert!((moved.fixed_rows::<3>(0) - twist.fixed_rows::<3>(0)).norm() < left * 1e-2, "{moved}");
     }
     // Straight, the two segments shift the tip without turning it: an S.
-    let rate = machine.bend_rates(&Bends::zeros(), &Vector6::new(1e-2, 0.0, 0.0, 0.0, 0.0, 0.0), &weights);
+    let rate =
+        machine.bend_rates(&machine.tip(&Bends::zeros()).1, &Vector6::new(1e-2, 0.0, 0.0, 0.0, 0.0, 0.0), &weights);
     let moved = machine.tip(&Bends::zeros()).1 * rate.bends_vel_rad_per_s;
     assert!((moved[0] - 1e-2).abs() < 1e-5 && moved.fixed_rows::<3>(3).norm() < 1e-2, "{moved}");
     assert!(rate.bends_vel_rad_per_s[0] > 0.0 && rate.bends_vel_rad_per_s[2] < 0.0);
     // What no segment can do, advancing, does nothing.
-    let rate = machine.bend_rates(&Bends::zeros(), &Vector6::new(0.0, 0.0, 1e-2, 0.0, 0.0, 0.0), &weights);
+    let rate =
+        machine.bend_rates(&machine.tip(&Bends::zeros()).1, &Vector6::new(0.0, 0.0, 1e-2, 0.0, 0.0, 0.0), &weights);
     assert!(rate.bends_vel_rad_per_s.amax() < 1e-9);
 }
 
@@ -296,9 +298,9 @@ fn no_step_allocates_and_a_memory_restored_repeats_its_bytes() {
     let n = allocations_of(|| {
         for b in &ways {
             let memory = compensator.memory();
-            let first = compensator.step(b);
+            let first = *compensator.step(b);
             compensator.restore(&memory);
-            assert!(first == compensator.step(b));
+            assert!(first == *compensator.step(b));
             std::hint::black_box(predictor.step(&first.q_tilde_m));
             std::hint::black_box(compensator.alpha_m_per_rad());
         }
