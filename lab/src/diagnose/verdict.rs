@@ -16,7 +16,7 @@ use super::words::{sentence, state, too_short};
 use super::working::{tried_rows, working_rows};
 use super::{GroupShare, columns, experiment, force_rest, gate, lists, omitted, structure};
 use crate::cells::{Usable, load_cells};
-use crate::fit::{Fit, Uncertainty, dot, held_out_block_squares, held_out_output_squares, uncertainty};
+use crate::fit::{Uncertainty, dot, held_out_block_squares, uncertainty};
 use crate::free::free_variables;
 use crate::machine::{Candidate, MachineUnderTest};
 use crate::noise::{FloorSource, NoiseFloor};
@@ -83,8 +83,19 @@ pub(super) fn by_one_clock(
     let n_outliers = excluded.len();
     let alone = [&search(&full), &search(&work)];
     let tried = &search(tried);
-    let case =
-        Case { full: alone[0], work: alone[1], alone, tried, beside: None, floors, loads, found, n_outliers, hint };
+    let case = Case {
+        full: alone[0],
+        work: alone[1],
+        alone,
+        tried,
+        beside: None,
+        recordings: &options.recordings,
+        floors,
+        loads,
+        found,
+        n_outliers,
+        hint,
+    };
     let (start, chosen) = (alone[0].start()?, case.found.chosen_on(alone[0])?);
     let Some(Mixed { mut shapes, floors, .. }) = case.first_shapes(&start, &chosen)? else {
         return case.conclude(&start, chosen)?.sketched(machine, data);
@@ -144,6 +155,8 @@ pub(super) struct Case<'a> {
     pub(super) tried: &'a Search<'a>,
     /// Shapes that `full` and `work` have beside the effects, and the noise that both leave.
     pub(super) beside: Option<(&'a Shapes, &'a NoiseFloor)>,
+    /// Name and first trial of each recording, where there are several.
+    pub(super) recordings: &'a [(String, usize)],
     pub(super) floors: NoiseFloor,
     pub(super) loads: Usable,
     pub(super) found: Findings,
@@ -156,7 +169,7 @@ impl Case<'_> {
     /// Error on blocks that a fit did not see, in the unit of errors; of a fit with nothing beside the effects.
     pub(super) fn error(&self, trial: &Trial) -> f64 {
         let problem = self.alone[0].problem;
-        held_out_rms(problem, &trial.fit) * problem.machine.error_unit().1
+        self.held_out_rms(problem, &trial.fit) * problem.machine.error_unit().1
     }
 
     fn conclude(self, start: &Trial, mut chosen: Trial) -> Result<Diagnosis, LabError> {
@@ -166,11 +179,13 @@ impl Case<'_> {
         let (unit, scale) = problem.machine.error_unit();
         let as_given = problem.outputs_of(&problem.residual(search.base)?);
         let prefixes = self.order(&mut chosen)?;
-        let before = self.error(start);
-        let after = match self.beside {
-            None => self.error(&chosen),
-            Some(_) => self.error(&search.fitted(chosen.found.clone(), &chosen.fit.effects)?),
+        let refitted = match self.beside {
+            None => None,
+            Some(_) => Some(search.fitted(chosen.found.clone(), &chosen.fit.effects)?),
         };
+        let alone = refitted.as_ref().unwrap_or(&chosen);
+        let (before, after) = (self.error(start), self.error(alone));
+        let (is_denied, odd) = self.by_recordings(start, alone);
         let floor = self.floor(&chosen);
         let remaining = self.remaining(&chosen, before, after, &floor)?;
         let known = self.known(&chosen)?;
@@ -182,12 +197,13 @@ impl Case<'_> {
         };
         let verdict = match (remaining.structured, effects.is_empty()) {
             _ if self.hint.is_some() => Verdict::Unknown,
-            (true, false) if doubtful.contains(&false) => Verdict::Partly,
+            (true, false) if doubtful.contains(&false) && !is_denied => Verdict::Partly,
             // No test was possible: nobody knows whether something remains, or whether known effects explain it.
             _ if problem.n_blocks < FEWEST_BLOCKS && (remaining.structured || !floor.is_reached(after)) => {
                 Verdict::TooShort
             }
             (true, _) => Verdict::Unknown,
+            (false, false) if is_denied => Verdict::Unknown,
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
         };
@@ -206,6 +222,7 @@ impl Case<'_> {
         cautions.extend(inseparable(&chosen.fit, n_own));
         cautions.extend(self.hidden_scale(&chosen, &known));
         cautions.extend(self.hint.clone());
+        cautions.extend(odd);
         let mut terms = chosen.fit.effects.clone();
         let (effects, partial) = if matches!(verdict, Verdict::Unknown | Verdict::TooShort) {
             (Vec::new(), effects)
@@ -316,7 +333,7 @@ impl Case<'_> {
         let problem = self.tried.problem;
         let (_, scale) = problem.machine.error_unit();
         let mut errors = vec![ends[0]];
-        errors.extend(prefixes.iter().map(|own| held_out_rms(problem, &own.fit) * scale));
+        errors.extend(prefixes.iter().map(|own| self.held_out_rms(problem, &own.fit) * scale));
         errors.push(ends[1]);
         (0..chosen.found.len())
             .map(|slot| {
@@ -468,9 +485,4 @@ impl Case<'_> {
         all.sort_by(|a, b| a.heldout_rms.unwrap_or(f64::INFINITY).total_cmp(&b.heldout_rms.unwrap_or(f64::INFINITY)));
         all
     }
-}
-
-/// Error of the outputs on blocks that the fit did not see, in their unit.
-fn held_out_rms(problem: &Problem, fit: &Fit) -> f64 {
-    problem.rms_of_outputs(held_out_output_squares(problem, fit, FOLDS).iter().sum())
 }

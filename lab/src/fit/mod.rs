@@ -7,5 +7,5 @@ mod variable;
 pub use levenberg_marquardt::{Fit, fit};
 pub(crate) use levenberg_marquardt::{dot, fit_to_end, normal_equations};
 pub use uncertainty::{Uncertainty, held_out_block_squares, uncertainty};
-pub(crate) use uncertainty::{held_out_output_squares, inverse, standard_errors};
+pub(crate) use uncertainty::{held_out_output_squares, held_out_parts, inverse, standard_errors};
 pub use variable::Variable;

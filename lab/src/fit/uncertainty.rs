@@ -103,14 +103,27 @@ fn student_over_normal(freedom: usize) -> f64 {
 ///
 /// Hysteresis keeps its memory through left-out rows; only their error is left out.
 pub fn held_out_block_squares(problem: &Problem, fit: &Fit, n_folds: usize) -> Vec<f64> {
-    let pieces = block_pieces(problem, &fit.slopes, &fit.residual);
+    let pieces = pieces(&problem.block_bounds(), &fit.slopes, &fit.residual);
     held_out(problem, fit, n_folds, &pieces, &pieces)
 }
 
 /// The same of the outputs alone, under parameters that loads took part in finding.
 pub(crate) fn held_out_output_squares(problem: &Problem, fit: &Fit, n_folds: usize) -> Vec<f64> {
+    held_out_outputs(problem, fit, n_folds, &problem.block_bounds())
+}
+
+/// The same of parts, each under parameters that did not see it; they begin at these rows, and the last ends with the data.
+pub(crate) fn held_out_parts(problem: &Problem, fit: &Fit, first_rows: &[usize]) -> Vec<f64> {
+    let ends = first_rows.iter().copied().chain([problem.data.n_rows()]);
+    let bounds: Vec<usize> = ends.map(|row| row * problem.width()).collect();
+    held_out_outputs(problem, fit, first_rows.len(), &bounds)
+}
+
+/// Squares of the outputs of each piece between these entries.
+fn held_out_outputs(problem: &Problem, fit: &Fit, n_folds: usize, bounds: &[usize]) -> Vec<f64> {
+    let seen = pieces(bounds, &fit.slopes, &fit.residual);
     if problem.loads().is_none() {
-        return held_out_block_squares(problem, fit, n_folds);
+        return held_out(problem, fit, n_folds, &seen, &seen);
     }
     let n_outputs = problem.data.n_outputs;
     let outputs = |entries: &Vec<f64>| -> Vec<f64> {
@@ -119,23 +132,23 @@ pub(crate) fn held_out_output_squares(problem: &Problem, fit: &Fit, n_folds: usi
     };
     let slopes: Vec<Vec<f64>> = fit.slopes.iter().map(outputs).collect();
     let residual = outputs(&fit.residual);
-    let seen = block_pieces(problem, &fit.slopes, &fit.residual);
-    held_out(problem, fit, n_folds, &seen, &block_pieces(problem, &slopes, &residual))
+    held_out(problem, fit, n_folds, &seen, &pieces(bounds, &slopes, &residual))
 }
 
-/// J'J and J'r of one block, and the sum of its squares.
+/// J'J and J'r of one piece of the data, and the sum of its squares.
 struct Piece {
     gram: DMatrix<f64>,
     gradient: DVector<f64>,
     squares: f64,
 }
 
-fn block_pieces(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> Vec<Piece> {
-    let bounds = problem.block_bounds();
-    (0..problem.n_blocks)
-        .map(|b| {
-            let slopes: Vec<Vec<f64>> = slopes.iter().map(|s| s[bounds[b]..bounds[b + 1]].to_vec()).collect();
-            let own = &residual[bounds[b]..bounds[b + 1]];
+/// Pieces between these entries.
+fn pieces(bounds: &[usize], slopes: &[Vec<f64>], residual: &[f64]) -> Vec<Piece> {
+    bounds
+        .windows(2)
+        .map(|ends| {
+            let slopes: Vec<Vec<f64>> = slopes.iter().map(|slope| slope[ends[0]..ends[1]].to_vec()).collect();
+            let own = &residual[ends[0]..ends[1]];
             let (gram, gradient) = normal_equations(&slopes, own);
             Piece { gram, gradient, squares: dot(own, own) }
         })
@@ -145,14 +158,14 @@ fn block_pieces(problem: &Problem, slopes: &[Vec<f64>], residual: &[f64]) -> Vec
 /// Squares of the `judged` pieces under steps that the `seen` ones of the other folds ask for.
 fn held_out(problem: &Problem, fit: &Fit, n_folds: usize, seen: &[Piece], judged: &[Piece]) -> Vec<f64> {
     let (pull, pull_gradient) = fit.pulls(problem);
-    let mut squares = vec![0.0; problem.n_blocks];
+    let mut squares = vec![0.0; judged.len()];
     for fold in 0..n_folds {
         let others = seen.iter().enumerate().filter(|(b, _)| b % n_folds != fold).map(|(_, piece)| piece);
         let start = (DMatrix::from_diagonal(&pull), pull_gradient.clone());
         let (gram, gradient) =
             others.fold(start, |(gram, gradient), piece| (gram + &piece.gram, gradient + &piece.gradient));
         let step = -inverse(&gram) * gradient;
-        for b in (fold..problem.n_blocks).step_by(n_folds) {
+        for b in (fold..judged.len()).step_by(n_folds) {
             let Piece { gram, gradient, squares: own } = &judged[b];
             squares[b] = own + 2.0 * gradient.dot(&step) + step.dot(&(gram * &step));
         }

@@ -7,8 +7,9 @@ use super::kind::Kind;
 use super::signal::Number;
 use super::terms::{Values, name, term};
 use crate::diagnose::{
-    Calibration, CandidateAnswer, DependsOn, DiagnoseOptions, Diagnosis, FoundEffect, FoundParameter, GroupShare,
-    ParameterVariation, Remaining, Structure, Verdict, cautions, named, next, separate_joints, stand_and_take, sure,
+    Calibration, CandidateAnswer, DependsOn, DiagnoseOptions, Diagnosis, FEWEST_RECORDINGS, FoundEffect,
+    FoundParameter, GroupShare, ParameterVariation, Remaining, Structure, Verdict, cautions, disagreements, named,
+    next, separate_joints, stand_and_take, sure,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Names, Problem, Term};
@@ -211,23 +212,13 @@ fn cautions_of(problem: &Problem, n_outliers: usize) -> Vec<String> {
 /// Recordings in which the effects explain little of what they explain in the others, a sentence each.
 fn disagreeing(own: &Found, options: &DiagnoseOptions) -> Vec<String> {
     let pairs: Vec<(f64, f64)> = own.before.blocks.iter().copied().zip(own.after.blocks.iter().copied()).collect();
-    if options.recordings.len() < 3 || pairs.len() != options.recordings.len() || own.fit.members.is_empty() {
+    if options.recordings.len() < FEWEST_RECORDINGS
+        || pairs.len() != options.recordings.len()
+        || own.fit.members.is_empty()
+    {
         return Vec::new();
     }
-    let left = |(before, after): (f64, f64)| after / before.max(1e-300);
-    let mut sorted: Vec<f64> = pairs.iter().map(|pair| left(*pair)).collect();
-    sorted.sort_by(f64::total_cmp);
-    let typical = sorted[sorted.len() / 2];
-    let odd = pairs.iter().zip(&options.recordings).filter(|(pair, _)| left(**pair) > (3.0 * typical).max(0.5));
-    odd.map(|(pair, (name, _))| {
-        format!(
-            "{name} disagrees with the other recordings: on joint {} the effects leave {:.0} % of its error there, {:.0} % in a typical one",
-            own.joint + 1,
-            100.0 * left(*pair).sqrt(),
-            100.0 * typical.sqrt()
-        )
-    })
-    .collect()
+    disagreements(&pairs, &options.recordings, &format!("on joint {} ", own.joint + 1))
 }
 
 /// How long data must be for all joints, s.

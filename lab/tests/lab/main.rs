@@ -18,6 +18,7 @@ mod offered;
 mod read_csv;
 mod read_recording;
 mod real;
+mod recordings;
 mod report;
 mod report_json;
 mod second_log;

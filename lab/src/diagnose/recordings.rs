@@ -1,0 +1,67 @@
+//! The last word of several recordings of one machine: each is judged by what the others say, and one that contradicts them is named.
+//!
+//! Three recordings or more: of two that disagree nobody knows which one is the odd one.
+
+use super::accept::FOLDS;
+use super::search::Trial;
+use super::verdict::Case;
+use crate::Problem;
+use crate::fit::{Fit, held_out_output_squares, held_out_parts};
+
+/// Fewer recordings are judged on blocks of time, as one is.
+pub(crate) const FEWEST_RECORDINGS: usize = 3;
+/// A recording is odd where so many times the share of its squares is left that is left of a typical one, and at least half of them.
+const ODD: f64 = 3.0;
+const LEAST_ODD: f64 = 0.5;
+
+impl Case<'_> {
+    /// Error of the outputs under parameters that have not seen them, in their unit: of each recording where there are three or more,
+    /// else of blocks of time.
+    pub(super) fn held_out_rms(&self, problem: &Problem, fit: &Fit) -> f64 {
+        let squares = match self.are_judged() {
+            true => held_out_parts(problem, fit, &self.first_rows(problem)),
+            false => held_out_output_squares(problem, fit, FOLDS),
+        };
+        problem.rms_of_outputs(squares.iter().sum())
+    }
+
+    /// Whether recordings that were left out are explained no better by a list of effects than without, all together; and a sentence
+    /// on each that contradicts the others.
+    pub(super) fn by_recordings(&self, start: &Trial, chosen: &Trial) -> (bool, Vec<String>) {
+        if !self.are_judged() || chosen.found.is_empty() {
+            return (false, Vec::new());
+        }
+        let problem = self.alone[0].problem;
+        let first_rows = self.first_rows(problem);
+        let [before, after] = [start, chosen].map(|own| held_out_parts(problem, &own.fit, &first_rows));
+        let is_denied = after.iter().sum::<f64>() >= before.iter().sum::<f64>();
+        let pairs: Vec<(f64, f64)> = before.into_iter().zip(after).collect();
+        (is_denied, disagreements(&pairs, self.recordings, ""))
+    }
+
+    fn are_judged(&self) -> bool {
+        self.recordings.len() >= FEWEST_RECORDINGS
+    }
+
+    fn first_rows(&self, problem: &Problem) -> Vec<usize> {
+        let first = |(_, trial): &(String, usize)| problem.data.trial.partition_point(|own| (*own as usize) < *trial);
+        self.recordings.iter().map(first).collect()
+    }
+}
+
+/// Recordings in which effects explain little of what they explain in the others, a sentence each; of each its squares before and after.
+pub(crate) fn disagreements(pairs: &[(f64, f64)], recordings: &[(String, usize)], place: &str) -> Vec<String> {
+    let left = |(before, after): (f64, f64)| after / before.max(1e-300);
+    let mut sorted: Vec<f64> = pairs.iter().map(|pair| left(*pair)).collect();
+    sorted.sort_by(f64::total_cmp);
+    let Some(&typical) = sorted.get(sorted.len() / 2) else { return Vec::new() };
+    let odd = pairs.iter().zip(recordings).filter(|(pair, _)| left(**pair) > (ODD * typical).max(LEAST_ODD));
+    odd.map(|(pair, (name, _))| {
+        format!(
+            "{name} disagrees with the other recordings: {place}the effects leave {:.0} % of its error there, {:.0} % in a typical one",
+            100.0 * left(*pair).sqrt(),
+            100.0 * typical.sqrt()
+        )
+    })
+    .collect()
+}
