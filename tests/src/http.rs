@@ -1,6 +1,7 @@
 //! A browser's requests by hand, right and wrong ones: what an attacker on the same machine could send to the console.
 
 use crate::Krait;
+use core::time::Duration;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
 use tungstenite::{Message, WebSocket};
@@ -193,6 +194,17 @@ fn request(name: &str, port: u16, method: &str, path: &str, headers: &[(&str, &s
         text += &format!("{name}: {value}\r\n");
     }
     Console::send(port, &format!("{text}\r\n{body}"))
+}
+
+/// Whether the other side ends a connection, with or without a word.
+pub fn is_closed(live: &mut Live, patience: Duration) -> bool {
+    live.get_ref().set_read_timeout(Some(patience)).expect("a timeout");
+    loop {
+        match live.read() {
+            Ok(Message::Close(_)) | Err(_) => return true,
+            Ok(_) => {}
+        }
+    }
 }
 
 /// The next message of a kind.
