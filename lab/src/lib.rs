@@ -20,6 +20,7 @@ pub mod machine;
 mod measurements;
 pub mod noise;
 mod offered;
+mod outliers;
 mod prepare;
 mod problem;
 pub mod read;

@@ -120,26 +120,8 @@ impl NoiseFloor {
     }
 }
 
-/// Rows whose outputs stand out from both neighbours by more than six standard deviations of the differences.
-pub fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
-    let width = problem.data.n_outputs;
-    let Some((sigma, _)) = by_differences(problem, residual) else { return Vec::new() };
-    let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
-    let stands_out = |w: &[usize]| {
-        let near = problem.data.trial[w[0]] == problem.data.trial[w[4]];
-        near && (0..width).any(|k| {
-            let mut others = [0, 1, 3, 4].map(|i: usize| residual[w[i] * width + k]);
-            others.sort_by(f64::total_cmp);
-            let middle = 0.5 * (others[1] + others[2]);
-            let spread = others[3] - others[0];
-            (residual[w[2] * width + k] - middle).abs() > 6.0 * sigma + spread
-        })
-    };
-    rows.windows(5).filter(|w| stands_out(w)).map(|w| w[2]).collect()
-}
-
 /// Third differences of neighbouring rows, largest values left out: sigma^2 = mean (D^3 r)^2 / 20; and of how many.
-fn by_differences(problem: &Problem, residual: &[f64]) -> Option<(f64, usize)> {
+pub(crate) fn by_differences(problem: &Problem, residual: &[f64]) -> Option<(f64, usize)> {
     let data = &problem.data;
     let width = data.n_outputs;
     let rows: Vec<usize> = (0..data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();

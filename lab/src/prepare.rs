@@ -2,7 +2,8 @@
 
 use crate::cells::Usable;
 use crate::machine::MachineUnderTest;
-use crate::noise::{FloorSource, NoiseFloor, outliers};
+use crate::noise::{FloorSource, NoiseFloor};
+use crate::outliers::outliers;
 use crate::{LabError, Measurements, Problem, scored_time_s};
 
 /// Measurements ready for a fit.

@@ -8,7 +8,7 @@ use super::starts::settled;
 use super::terms::Values;
 use crate::diagnose::Calibration;
 use crate::machine::{JointsLab, MachineUnderTest};
-use crate::noise::outliers;
+use crate::outliers::outliers;
 use crate::{LabError, Measurements, Problem};
 
 /// Rows of the loss.

@@ -235,6 +235,30 @@ fn outliers_are_left_out_and_change_nothing() {
     assert!(found.rows[2] >= 20, "{} rows left out", found.rows[2]);
 }
 
+/// Bursts of a fifth of a second, as of a tracker that has lost its mark; the fit does not follow them.
+#[test]
+fn bursts_are_left_out_and_change_nothing() {
+    let clean = made(&[term("twist", &[0.04])], 11);
+    let mut data = clean.clone();
+    for (n, first) in (50..ROWS).step_by(240).enumerate() {
+        for row in first..first + 4 {
+            data.outputs[2 * row + n % 2] += if n % 3 == 0 { 0.3 } else { -0.2 };
+        }
+    }
+    let [found, plain] = [&data, &clean].map(diagnosed);
+    assert!(found.rows[2] >= 4 * (ROWS / 240), "{} rows left out", found.rows[2]);
+    assert_eq!(plain.rows[2], 0, "{} rows of a clean record", plain.rows[2]);
+    assert_eq!(
+        (found.effects[0].name.as_str(), found.effects.len()),
+        ("twist", plain.effects.len()),
+        "{}",
+        found.sentence
+    );
+    let [twist, without] = [&found, &plain].map(|own| &own.effects[0].parameters[0]);
+    assert!((twist.value - without.value).abs() < 0.5 * without.se, "{} and {}", twist.value, without.value);
+    assert!(found.final_heldout_rms < 1.03 * plain.final_heldout_rms, "{}", found.final_heldout_rms);
+}
+
 /// A snake whose lines lie at another radius and whose wire is stiffer than the model's default, with play.
 fn made_elsewhere(seed: u64) -> Measurements {
     let text = format!("{MODEL}r_m = 0.00178\ne_pa = 57e9\n");

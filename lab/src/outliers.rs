@@ -1,0 +1,86 @@
+//! Measurements that are none: rows that stand out from those before and behind them, single or in short bursts.
+
+use crate::Problem;
+use crate::noise::by_differences;
+
+/// Rows whose outputs stand out by more than [`STANDS_OUT`] standard deviations of the differences from what lies before and behind
+/// them: single ones, and bursts, as a tracker makes that has lost its mark for a moment.
+pub(crate) fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
+    let Some((sigma, _)) = by_differences(problem, residual) else { return Vec::new() };
+    let width = problem.data.n_outputs;
+    let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
+    let seen = Seen { problem, residual, rows: &rows, sigma };
+    let (mut single, mut bursts) = (Vec::new(), Vec::new());
+    let mut first = BESIDE;
+    while first + BESIDE < rows.len() {
+        let n = if sigma > 0.0 { seen.burst(first) } else { usize::from(seen.stand_out(first, 1)) };
+        match n {
+            0 | 1 => single.extend((n == 1).then_some(rows[first])),
+            _ => bursts.extend(&rows[first..first + n]),
+        }
+        first += n.max(1);
+    }
+    // What happens as often as this is no accident of the sensor.
+    if bursts.len() as f64 <= MOST_IN_BURSTS * rows.len() as f64 {
+        single.extend(bursts);
+        single.sort_unstable();
+    }
+    single
+}
+
+/// So many standard deviations.
+const STANDS_OUT: f64 = 6.0;
+/// Rows on either side that say where the others are.
+const BESIDE: usize = 2;
+/// From the row before a burst to the row behind it, s: no machine leaves a place in one row and is back in another after so short a time.
+const LONGEST_BURST_S: f64 = 0.3;
+/// Share of all rows that bursts may have.
+const MOST_IN_BURSTS: f64 = 0.03;
+
+/// Residuals in which bursts are looked for.
+struct Seen<'a> {
+    problem: &'a Problem<'a>,
+    residual: &'a [f64],
+    /// Rows that count.
+    rows: &'a [usize],
+    sigma: f64,
+}
+
+impl Seen<'_> {
+    /// Length of the burst that begins at a place among the rows; 0 where none does.
+    fn burst(&self, first: usize) -> usize {
+        let time_s = |place: usize| self.problem.data.time_s[self.rows[place]];
+        let may_end = |n: &usize| {
+            first + n + BESIDE <= self.rows.len()
+                && (*n == 1 || time_s(first + n) - time_s(first - 1) <= LONGEST_BURST_S)
+        };
+        if !self.leaves(first) {
+            return 0;
+        }
+        (1..).take_while(may_end).find(|n| self.stand_out(first, *n)).unwrap_or(0)
+    }
+
+    /// Whether an output leaves where it was from one row to this one.
+    fn leaves(&self, place: usize) -> bool {
+        (0..self.problem.data.n_outputs)
+            .any(|k| (self.at(place, k) - self.at(place - 1, k)).abs() > STANDS_OUT * self.sigma)
+    }
+
+    /// Whether so many rows all stand out, in one output, from the two before and the two behind them.
+    fn stand_out(&self, first: usize, n: usize) -> bool {
+        let (before, behind) = (first - BESIDE, first + n);
+        let trial = |place: usize| self.problem.data.trial[self.rows[place]];
+        let is_one_trial = trial(before) == trial(behind + 1);
+        is_one_trial
+            && (0..self.problem.data.n_outputs).any(|k| {
+                let mut others = [before, before + 1, behind, behind + 1].map(|place| self.at(place, k));
+                others.sort_by(f64::total_cmp);
+                let (middle, spread) = (0.5 * (others[1] + others[2]), others[3] - others[0]);
+                (first..behind).all(|place| (self.at(place, k) - middle).abs() > STANDS_OUT * self.sigma + spread)
+            })
+    }
+
+    fn at(&self, place: usize, output: usize) -> f64 {
+        self.residual[self.rows[place] * self.problem.data.n_outputs + output]
+    }
+}
