@@ -10,7 +10,7 @@ pub(crate) fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
     let width = problem.data.n_outputs;
     let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
     let seen = Seen { problem, residual, rows: &rows, sigma };
-    let (mut single, mut bursts) = (Vec::new(), Vec::new());
+    let (mut single, mut bursts): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
     let mut first = BESIDE;
     while first + BESIDE < rows.len() {
         let n = if sigma > 0.0 { seen.burst(first) } else { usize::from(seen.stand_out(first, 1)) };

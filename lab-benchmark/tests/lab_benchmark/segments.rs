@@ -53,6 +53,34 @@ fn truth_of(made: &Generated<SegmentsTruth>) -> (&str, &str, f64) {
 }
 
 #[test]
+fn columns_of_segments_that_are_exchanged_or_negated_are_said_before_any_effect() {
+    type Spoil = fn(&mut krait_lab::Measurements);
+    let cases: [(Spoil, &str); 5] = [
+        (|data| data.inputs.chunks_mut(6).for_each(|row| row.swap(1, 4)), "q2 and q5 are probably exchanged"),
+        (
+            |data| data.outputs.chunks_mut(4).for_each(|row| row.rotate_left(2)),
+            "segments 1 and 2 are probably exchanged",
+        ),
+        (|data| data.outputs.chunks_mut(2).for_each(|row| row[1] = -row[1]), "picture is probably mirrored"),
+        (|data| data.inputs.iter_mut().for_each(|q| *q = -*q), "negated"),
+        (|data| data.outputs.iter_mut().for_each(|y| *y = y.to_degrees()), "in degrees"),
+    ];
+    let made = made(&[("backlash-2", 2.0)], 71);
+    let lab = machine(&model(&made.model));
+    for (spoil, words) in cases {
+        let mut data = made.measurements.clone();
+        spoil(&mut data);
+        let found = diagnose(&lab, &data, &DiagnoseOptions::default()).expect("it can be computed");
+        assert!(
+            found.sentence.starts_with("the columns first") && found.sentence.contains(words),
+            "{}",
+            found.sentence
+        );
+        assert_eq!((found.verdict, named(&found).len(), found.partial.len()), (Verdict::Unknown, 0, 0), "{words}");
+    }
+}
+
+#[test]
 fn nothing_is_named_where_nothing_is_hidden() {
     for seed in 0..3 * N_SEEDS {
         let found = diagnosed(&made(&[], seed));
