@@ -75,6 +75,7 @@ impl Bench {
     }
 
     fn with((bus, config): (CanBus, SlaveConfig)) -> Self {
+        emergencies::keep_log();
         let period_ns = (config.drive.period_ms * 1e6) as i64;
         let (wire, clock) = bus.own_time();
         let setup: BusSetup = open::setup(&config).unwrap_or_else(|error| panic!("{error}"));
