@@ -3,6 +3,7 @@
 use super::friction::Friction;
 use super::of_segments::OfSegments;
 use super::sharing::LoadSharing;
+use super::statics::Stiffnesses;
 use super::{
     Bends, BendsByBends, LineValues, SegmentCompensator, SegmentPredictor, Segments, SegmentsError, SegmentsParameters,
 };
@@ -78,10 +79,7 @@ impl SegmentChain {
             transition_m: parameters.settings.transition_m,
             eta: value(EffectKind::StiffnessScale, "eta", 1.0),
             inside: value(EffectKind::InsideExtension, "share", 0.0),
-            friction: Friction {
-                f_s_n: value(EffectKind::StaticFriction, "f_s_n", 0.0),
-                capstan: capstan(mu, &machine),
-            },
+            friction: Friction::new(value(EffectKind::StaticFriction, "f_s_n", 0.0), capstan(mu, &machine)),
             half_width_m: value(EffectKind::Backlash, "half_width_m", 0.0),
             delay_s: place(EffectKind::Latency).map(|_| value(EffectKind::Latency, "delay_s", 0.0)),
             of_segments: OfSegments::new(effects, &machine)?,
@@ -108,12 +106,23 @@ impl SegmentChain {
 
     /// Moments that hold these bends, N m: eta grad E, eta that of all segments times each one's own.
     pub fn moments_nm(&self, bends_rad: &Bends) -> Bends {
-        (self.machine.grad_energy_nm(bends_rad) * self.eta).component_mul(&self.of_segments.eta)
+        self.moments_with_nm(bends_rad, &self.machine.stiffnesses(bends_rad))
+    }
+
+    /// The same where the stiffnesses at these bends are known.
+    pub(super) fn moments_with_nm(&self, bends_rad: &Bends, stiffnesses: &Stiffnesses) -> Bends {
+        let grad_nm = self.machine.grad_energy_with_nm(bends_rad, stiffnesses);
+        (grad_nm * self.eta).component_mul(&self.of_segments.eta)
     }
 
     /// How fast these moments change while the bends do, N m/s.
-    pub(super) fn moments_vel_nm_per_s(&self, bends_rad: &Bends, bends_vel_rad_per_s: &Bends) -> Bends {
-        let rates = self.machine.grad_energy_vel_nm_per_s(bends_rad, bends_vel_rad_per_s);
+    pub(super) fn moments_vel_nm_per_s(
+        &self,
+        bends_rad: &Bends,
+        vel_rad_per_s: &Bends,
+        stiffnesses: &Stiffnesses,
+    ) -> Bends {
+        let rates = self.machine.grad_energy_vel_nm_per_s(bends_rad, vel_rad_per_s, stiffnesses);
         (rates * self.eta).component_mul(&self.of_segments.eta)
     }
 
@@ -128,8 +137,7 @@ impl SegmentChain {
 
     /// Friction of a line.
     pub(super) fn friction(&self, line: usize) -> Friction {
-        let own = self.of_segments.friction[self.machine.segment_of(line)];
-        Friction { f_s_n: self.friction.f_s_n + own.f_s_n, capstan: self.friction.capstan * own.capstan }
+        self.friction.and(&self.of_segments.friction[self.machine.segment_of(line)])
     }
 
     /// Half the play of a line, m.
@@ -154,7 +162,9 @@ impl SegmentChain {
                 EffectKind::StiffnessScale => self.eta = value,
                 EffectKind::InsideExtension => self.inside = value,
                 EffectKind::StaticFriction => self.friction.f_s_n = value,
-                EffectKind::ConeFriction => self.friction.capstan = capstan(value, &self.machine),
+                EffectKind::ConeFriction => {
+                    self.friction = self.friction.with_capstan(capstan(value, &self.machine));
+                }
                 EffectKind::Backlash => self.half_width_m = value,
                 EffectKind::Latency => self.delay_s = Some(value),
                 // No other effect is one of SEGMENT_EFFECTS.

@@ -9,7 +9,9 @@ pub(super) struct Friction {
     /// f_s, N, at least 0.
     pub f_s_n: f64,
     /// g, at least 1.
-    pub capstan: f64,
+    capstan: f64,
+    /// 1/g: a step asks for it line by line.
+    per_capstan: f64,
 }
 
 /// Two values, of a line that is about to be drawn back and of one that is about to be pushed, as middle and half of the difference.
@@ -31,10 +33,29 @@ impl Span {
 }
 
 impl Friction {
+    /// Of f_s, N, and g.
+    pub fn new(f_s_n: f64, capstan: f64) -> Self {
+        Self { f_s_n, capstan, per_capstan: capstan.recip() }
+    }
+
+    /// The same f_s with another g.
+    pub fn with_capstan(self, capstan: f64) -> Self {
+        Self::new(self.f_s_n, capstan)
+    }
+
+    /// What both make of a line.
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            f_s_n: self.f_s_n + other.f_s_n,
+            capstan: self.capstan * other.capstan,
+            per_capstan: self.per_capstan * other.per_capstan,
+        }
+    }
+
     /// hi(tau), N, and its slope, 1.
     pub fn pushed(&self, tau_n: f64) -> (f64, f64) {
         let x = tau_n + self.f_s_n;
-        let slope = if x >= 0.0 { self.capstan } else { 1.0 / self.capstan };
+        let slope = if x >= 0.0 { self.capstan } else { self.per_capstan };
         (slope * x, slope)
     }
 
@@ -55,7 +76,7 @@ impl Friction {
     pub fn load_while_pushed(&self, squeeze_m: f64, c_d_m_per_n: f64, c_c_m_per_n: f64) -> Option<(f64, f64)> {
         // At tau = -f_s the cone carries nothing.
         let beyond_m = squeeze_m + c_d_m_per_n * self.f_s_n;
-        let slope = c_d_m_per_n + c_c_m_per_n * if beyond_m >= 0.0 { self.capstan } else { 1.0 / self.capstan };
+        let slope = c_d_m_per_n + c_c_m_per_n * if beyond_m >= 0.0 { self.capstan } else { self.per_capstan };
         (slope > 0.0).then(|| (beyond_m / slope - self.f_s_n, slope))
     }
 }

@@ -9,6 +9,7 @@
 
 use super::friction::Span;
 use super::sharing::{ActiveSet, SharedLoads};
+use super::statics::Stiffnesses;
 use super::{Bends, BendsByBends, BendsByLines, LineValues, LinesByBends, MAX_LINES, SegmentChain, Sharing};
 use crate::MAX_LEARNT;
 use nalgebra::SMatrix;
@@ -52,6 +53,8 @@ pub struct SegmentCommand {
 #[derive(Clone, Copy, Debug)]
 pub struct SegmentMemory {
     bends_rad: Bends,
+    /// At these bends.
+    stiffnesses: Stiffnesses,
     active: ActiveSet,
     friction: LineValues,
     play: LineValues,
@@ -81,6 +84,7 @@ pub struct SegmentCompensator {
 
 /// What is planned at some bends.
 struct Plan {
+    stiffnesses: Stiffnesses,
     q_m: LineValues,
     loads: SharedLoads,
     track: Track,
@@ -103,6 +107,7 @@ impl SegmentCompensator {
         let bends_rad = Bends::zeros();
         let memory = SegmentMemory {
             bends_rad,
+            stiffnesses: plan.stiffnesses,
             active: plan.loads.active,
             friction: zeros,
             play: zeros,
@@ -149,7 +154,7 @@ impl SegmentCompensator {
             signs: *friction,
             status: beyond.unwrap_or(SegmentStatus::Good(plan.loads.sharing)),
         };
-        self.memory.bends_rad = wanted_rad;
+        (self.memory.bends_rad, self.memory.stiffnesses) = (wanted_rad, plan.stiffnesses);
         self.memory.active = plan.loads.active;
         &self.memory.last
     }
@@ -188,8 +193,8 @@ impl SegmentCompensator {
     /// q~_dot = (J + alpha) b_dot at the newest bends: how fast the actuators go while the bends do, m/s.
     pub fn rates_m_per_s(&self, bends_vel_rad_per_s: &Bends) -> LineValues {
         let (chain, machine) = (&self.chain, &self.chain.machine);
-        let SegmentMemory { bends_rad, active, friction, last, .. } = &self.memory;
-        let moments_vel = chain.moments_vel_nm_per_s(bends_rad, bends_vel_rad_per_s);
+        let SegmentMemory { bends_rad, stiffnesses, active, friction, last, .. } = &self.memory;
+        let moments_vel = chain.moments_vel_nm_per_s(bends_rad, bends_vel_rad_per_s, stiffnesses);
         let tau_vel = if active.iter().all(|side| *side == 0) {
             machine.least_loads_n(&moments_vel)
         } else {
@@ -274,7 +279,8 @@ impl SegmentChain {
     /// The lines at some bends, rad.
     fn plan(&self, bends_rad: &Bends, begin: &ActiveSet) -> Plan {
         let machine = &self.machine;
-        let moments_nm = self.moments_nm(bends_rad);
+        let stiffnesses = machine.stiffnesses(bends_rad);
+        let moments_nm = self.moments_with_nm(bends_rad, &stiffnesses);
         let loads = machine.share_loads(&moments_nm, &self.sharing, begin);
         let q_m = machine.q_m(bends_rad);
         let inside_m = machine.inside_m(&q_m);
@@ -288,7 +294,7 @@ impl SegmentChain {
             tau_tilde_n[k] = load;
             end_m[k] = Span { middle: seat_m[k] + c_c * load.middle, half: c_c * load.half };
         }
-        Plan { q_m, loads, track: Track { seat_m, end_m }, tau_tilde_n }
+        Plan { stiffnesses, q_m, loads, track: Track { seat_m, end_m }, tau_tilde_n }
     }
 
     /// The bends, each segment's held at its strain limit.

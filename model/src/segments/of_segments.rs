@@ -27,7 +27,7 @@ impl OfSegments {
     pub(super) fn new(effects: &[EffectSetting], machine: &Segments) -> Result<Self, ChainError> {
         let mut own = Self {
             eta: Bends::repeat(1.0),
-            friction: [Friction { f_s_n: 0.0, capstan: 1.0 }; MAX_SEGMENTS],
+            friction: [Friction::new(0.0, 1.0); MAX_SEGMENTS],
             half_width_m: [0.0; MAX_SEGMENTS],
             seen_scale: Bends::repeat(1.0),
             seen_offset_rad: Bends::zeros(),
@@ -44,7 +44,9 @@ impl OfSegments {
             match law {
                 SegmentLaw::StiffnessScale => both.for_each(|k| own.eta[k] = first),
                 SegmentLaw::StaticFriction => own.friction[segment].f_s_n = first,
-                SegmentLaw::ConeFriction => own.friction[segment].capstan = capstan(first, machine),
+                SegmentLaw::ConeFriction => {
+                    own.friction[segment] = own.friction[segment].with_capstan(capstan(first, machine));
+                }
                 SegmentLaw::Backlash => own.half_width_m[segment] = first,
                 SegmentLaw::CameraScale => both.for_each(|k| own.seen_scale[k] = 1.0 + first),
                 SegmentLaw::CameraOffset => {

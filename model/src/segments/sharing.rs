@@ -105,7 +105,10 @@ impl Segments {
     pub fn share_loads(&self, moments_nm: &Bends, asked: &LoadSharing, begin: &ActiveSet) -> SharedLoads {
         let mut preferred_n = LineValues::zeros();
         preferred_n.rows_mut(0, self.n_lines).fill(asked.preload_n);
-        let least_n = preferred_n + self.least_loads_n(&(moments_nm - self.j().tr_mul(&preferred_n)));
+        let least_n = match asked.preload_n == 0.0 {
+            true => self.least_loads_n(moments_nm),
+            false => preferred_n + self.least_loads_n(&(moments_nm - self.j().tr_mul(&preferred_n))),
+        };
         let none: ActiveSet = [0; MAX_LINES];
         let answer = |tau_n, sharing, active, n_pivots| SharedLoads { tau_n, sharing, active, n_pivots };
         if !least_n.iter().all(|load| load.is_finite()) {

@@ -3,15 +3,19 @@
 //! E_j = |b_j|^2/2 S_j(b_j) with S_j = E I_j/L_j + sum over the lines that run in segment j of E I_k/(L_j + J_k b_j). E is the sum
 //! over the segments, so that its Hessian is block diagonal; the segments meet in J^T tau = eta grad E alone.
 
-use super::{Bends, BendsByBends, LineValues, LinesByBends, MAX_BENDS, Segments};
+use super::{Bends, BendsByBends, LineValues, LinesByBends, MAX_BENDS, MAX_SEGMENTS, Segments};
 use nalgebra::{Matrix2, RowSVector, Vector2};
 
 /// S_j, its gradient and its Hessian.
-struct Stiffness {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stiffness {
     value: f64,
     slope: Vector2<f64>,
     curvature: Matrix2<f64>,
 }
+
+/// Of each segment; nothing behind the last.
+pub(super) type Stiffnesses = [Stiffness; MAX_SEGMENTS];
 
 impl Segments {
     /// Elastic energy of all backbones, J.
@@ -25,10 +29,14 @@ impl Segments {
 
     /// d E / d bends, N m.
     pub fn grad_energy_nm(&self, bends_rad: &Bends) -> Bends {
+        self.grad_energy_with_nm(bends_rad, &self.stiffnesses(bends_rad))
+    }
+
+    /// The same where the stiffnesses at these bends are known.
+    pub(super) fn grad_energy_with_nm(&self, bends_rad: &Bends, stiffnesses: &Stiffnesses) -> Bends {
         let mut grad = Bends::zeros();
-        for j in 0..self.n {
+        for (j, stiffness) in stiffnesses.iter().enumerate().take(self.n) {
             let bend = self.bend(bends_rad, j);
-            let stiffness = self.stiffness(j, bend);
             let own = bend * stiffness.value + stiffness.slope * (0.5 * bend.norm_squared());
             grad.fixed_rows_mut::<2>(2 * j).copy_from(&own);
         }
@@ -49,13 +57,17 @@ impl Segments {
     }
 
     /// How fast d E / d bends changes while the bends do, N m/s: [`Segments::hess_energy_nm`] times their rates, without the matrix.
-    pub fn grad_energy_vel_nm_per_s(&self, bends_rad: &Bends, bends_vel_rad_per_s: &Bends) -> Bends {
+    pub(super) fn grad_energy_vel_nm_per_s(
+        &self,
+        bends_rad: &Bends,
+        vel_rad_per_s: &Bends,
+        stiffnesses: &Stiffnesses,
+    ) -> Bends {
         let mut rates = Bends::zeros();
-        for j in 0..self.n {
-            let (bend, vel) = (self.bend(bends_rad, j), self.bend(bends_vel_rad_per_s, j));
-            let Stiffness { value, slope, curvature } = self.stiffness(j, bend);
+        for (j, Stiffness { value, slope, curvature }) in stiffnesses.iter().enumerate().take(self.n) {
+            let (bend, vel) = (self.bend(bends_rad, j), self.bend(vel_rad_per_s, j));
             let mixed = bend * slope.dot(&vel) + slope * bend.dot(&vel);
-            let own = vel * value + mixed + curvature * vel * (0.5 * bend.norm_squared());
+            let own = vel * *value + mixed + curvature * vel * (0.5 * bend.norm_squared());
             rates.fixed_rows_mut::<2>(2 * j).copy_from(&own);
         }
         rates
@@ -88,6 +100,15 @@ impl Segments {
             }
         }
         give
+    }
+
+    pub(super) fn stiffnesses(&self, bends_rad: &Bends) -> Stiffnesses {
+        let nothing = Stiffness { value: 0.0, slope: Vector2::zeros(), curvature: Matrix2::zeros() };
+        let mut all = [nothing; MAX_SEGMENTS];
+        for (j, own) in all.iter_mut().enumerate().take(self.n) {
+            *own = self.stiffness(j, self.bend(bends_rad, j));
+        }
+        all
     }
 
     fn stiffness(&self, j: usize, bend: Vector2<f64>) -> Stiffness {
