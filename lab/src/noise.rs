@@ -294,7 +294,7 @@ fn pairs_of_lags(residual: &[f64], width: usize) -> impl Iterator<Item = [f64; 2
 
 const MOST_LAGS: usize = 2000;
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     let middle = values.len() / 2;
     if values.is_empty() {
         return None;

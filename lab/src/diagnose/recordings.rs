@@ -5,14 +5,17 @@
 use super::accept::FOLDS;
 use super::search::Trial;
 use super::verdict::Case;
-use crate::Problem;
 use crate::fit::{Fit, held_out_output_squares, held_out_parts};
+use crate::noise::median;
+use crate::{Measurements, Problem};
 
 /// Fewer recordings are judged on blocks of time, as one is.
 pub(crate) const FEWEST_RECORDINGS: usize = 3;
-/// A recording is odd where so many times the share of its squares is left that is left of a typical one, and at least half of them.
+/// A recording is odd where so many times the share of its squares is left that is left of a typical one, and at least half of them; and
+/// where that is more than this ratio of a typical rest, so that one in which nothing was to be seen is none.
 const ODD: f64 = 3.0;
 const LEAST_ODD: f64 = 0.5;
+const MORE_THAN_TYPICAL: f64 = 1.25;
 
 impl Case<'_> {
     /// Error of the outputs under parameters that have not seen them, in their unit: of each recording where there are three or more,
@@ -36,7 +39,14 @@ impl Case<'_> {
         let [before, after] = [start, chosen].map(|own| held_out_parts(problem, &own.fit, &first_rows));
         let is_denied = after.iter().sum::<f64>() >= before.iter().sum::<f64>();
         let pairs: Vec<(f64, f64)> = before.into_iter().zip(after).collect();
-        (is_denied, disagreements(&pairs, self.recordings, ""))
+        let mut said = disagreements(&pairs, self.recordings, &problem.data, "");
+        if is_denied {
+            said.push(
+                "what some recordings show makes the error of those left out no smaller: nothing is asserted of all"
+                    .to_owned(),
+            );
+        }
+        (is_denied, said)
     }
 
     fn are_judged(&self) -> bool {
@@ -44,24 +54,42 @@ impl Case<'_> {
     }
 
     fn first_rows(&self, problem: &Problem) -> Vec<usize> {
-        let first = |(_, trial): &(String, usize)| problem.data.trial.partition_point(|own| (*own as usize) < *trial);
-        self.recordings.iter().map(first).collect()
+        first_rows(self.recordings, &problem.data)
     }
 }
 
+/// Where each recording begins.
+fn first_rows(recordings: &[(String, usize)], data: &Measurements) -> Vec<usize> {
+    let first = |(_, trial): &(String, usize)| data.trial.partition_point(|own| (*own as usize) < *trial);
+    recordings.iter().map(first).collect()
+}
+
 /// Recordings in which effects explain little of what they explain in the others, a sentence each; of each its squares before and after.
-pub(crate) fn disagreements(pairs: &[(f64, f64)], recordings: &[(String, usize)], place: &str) -> Vec<String> {
-    let left = |(before, after): (f64, f64)| after / before.max(1e-300);
-    let mut sorted: Vec<f64> = pairs.iter().map(|pair| left(*pair)).collect();
-    sorted.sort_by(f64::total_cmp);
-    let Some(&typical) = sorted.get(sorted.len() / 2) else { return Vec::new() };
-    let odd = pairs.iter().zip(recordings).filter(|(pair, _)| left(**pair) > (ODD * typical).max(LEAST_ODD));
-    odd.map(|(pair, (name, _))| {
-        format!(
-            "{name} disagrees with the other recordings: {place}the effects leave {:.0} % of its error there, {:.0} % in a typical one",
-            100.0 * left(*pair).sqrt(),
-            100.0 * typical.sqrt()
-        )
-    })
-    .collect()
+pub(crate) fn disagreements(
+    pairs: &[(f64, f64)],
+    recordings: &[(String, usize)],
+    data: &Measurements,
+    place: &str,
+) -> Vec<String> {
+    let mut bounds = first_rows(recordings, data);
+    bounds.push(data.n_rows());
+    let n_rows = bounds.windows(2).map(|ends| (ends[1] - ends[0]).max(1) as f64);
+    let rests: Vec<f64> = pairs.iter().zip(n_rows).map(|((_, after), n)| after / n).collect();
+    let shares: Vec<f64> = pairs.iter().map(|(before, after)| after / before.max(1e-300)).collect();
+    let (Some(typical_rest), Some(typical)) = (median(rests.clone()), median(shares.clone())) else {
+        return Vec::new();
+    };
+    let is_odd =
+        |k: &usize| shares[*k] > (ODD * typical).max(LEAST_ODD) && rests[*k] > MORE_THAN_TYPICAL * typical_rest;
+    (0..pairs.len())
+        .filter(is_odd)
+        .map(|k| {
+            format!(
+                "{} disagrees with the other recordings: {place}the effects leave {:.0} % of its error there, {:.0} % in a typical one",
+                recordings[k].0,
+                100.0 * shares[k].sqrt(),
+                100.0 * typical.sqrt()
+            )
+        })
+        .collect()
 }

@@ -110,7 +110,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let mut cautions: Vec<String> = hints.clone();
     cautions.extend(odd);
     cautions.extend(cautions_of(&problem, n_outliers));
-    cautions.extend(found.iter().flat_map(|own| disagreeing(own, options)));
+    cautions.extend(found.iter().flat_map(|own| disagreeing(own, options, data)));
     let mut calibration = calibrations(machine, &found, options);
     calibration.extend_from_slice(own_values);
     let sentence = sentence(&Said {
@@ -210,7 +210,7 @@ fn cautions_of(problem: &Problem, n_outliers: usize) -> Vec<String> {
 }
 
 /// Recordings in which the effects explain little of what they explain in the others, a sentence each.
-fn disagreeing(own: &Found, options: &DiagnoseOptions) -> Vec<String> {
+fn disagreeing(own: &Found, options: &DiagnoseOptions, data: &Measurements) -> Vec<String> {
     let pairs: Vec<(f64, f64)> = own.before.blocks.iter().copied().zip(own.after.blocks.iter().copied()).collect();
     if options.recordings.len() < FEWEST_RECORDINGS
         || pairs.len() != options.recordings.len()
@@ -218,7 +218,7 @@ fn disagreeing(own: &Found, options: &DiagnoseOptions) -> Vec<String> {
     {
         return Vec::new();
     }
-    disagreements(&pairs, &options.recordings, &format!("on joint {} ", own.joint + 1))
+    disagreements(&pairs, &options.recordings, data, &format!("on joint {} ", own.joint + 1))
 }
 
 /// How long data must be for all joints, s.

@@ -11,7 +11,11 @@ fn together(etas: &[f64]) -> Diagnosis {
         Measurements { source: format!("run{k}.csv"), ..made }
     };
     let mut all = etas.iter().enumerate().map(one);
-    let (data, recordings) = Measurements::joined(all.next().unwrap(), all);
+    diagnosed(all.next().unwrap(), all)
+}
+
+fn diagnosed(first: Measurements, others: impl IntoIterator<Item = Measurements>) -> Diagnosis {
+    let (data, recordings) = Measurements::joined(first, others);
     diagnose(&lab(), &data, &DiagnoseOptions { recordings, ..DiagnoseOptions::default() }).unwrap()
 }
 
@@ -36,8 +40,21 @@ fn a_recording_that_contradicts_the_others_is_named() {
     assert_ne!(found.verdict, Verdict::Missing, "{}", found.sentence);
 }
 
+/// One in which the machine hardly moves has nothing to explain.
+#[test]
+fn a_recording_in_which_nothing_is_to_be_seen_contradicts_nobody() {
+    let one = |k: u64, size: f64| {
+        let mut motion = motion_of(800, 1);
+        motion.inputs.iter_mut().for_each(|q| *q *= size);
+        let made = made_on(motion, &[term("stiffness-scale", &[1.15])], 600 + k);
+        Measurements { source: format!("run{k}.csv"), ..made }
+    };
+    let found = diagnosed(one(0, 1.0), [one(1, 1.0), one(2, 0.02), one(3, 1.0)]);
+    assert_eq!((found.verdict, odd(&found).len()), (Verdict::Missing, 0), "{:?}", found.cautions);
+}
+
 #[test]
 fn what_one_recording_alone_has_is_not_asserted_of_all() {
     let found = together(&[1.3, 0.96, 0.96]);
-    assert!(found.verdict == Verdict::Unknown && found.effects.is_empty(), "{}", found.sentence);
+    assert!(found.verdict == Verdict::Unknown && found.effects.is_empty(), "{} {:?}", found.sentence, found.cautions);
 }
