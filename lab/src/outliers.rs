@@ -50,10 +50,10 @@ impl Seen<'_> {
     /// Length of the burst that begins at a place among the rows; 0 where none does.
     fn burst(&self, first: usize) -> usize {
         let time_s = |place: usize| self.problem.data.time_s[self.rows[place]];
-        let may_end = |n: &usize| {
-            first + n + BESIDE <= self.rows.len()
-                && (*n == 1 || time_s(first + n) - time_s(first - 1) <= LONGEST_BURST_S)
+        let is_short = |behind: usize| {
+            self.trial(first - 1) == self.trial(behind) && time_s(behind) - time_s(first - 1) <= LONGEST_BURST_S
         };
+        let may_end = |n: &usize| first + n + BESIDE <= self.rows.len() && (*n == 1 || is_short(first + n));
         if !self.leaves(first) {
             return 0;
         }
@@ -69,15 +69,17 @@ impl Seen<'_> {
     /// Whether so many rows all stand out, in one output, from the two before and the two behind them.
     fn stand_out(&self, first: usize, n: usize) -> bool {
         let (before, behind) = (first - BESIDE, first + n);
-        let trial = |place: usize| self.problem.data.trial[self.rows[place]];
-        let is_one_trial = trial(before) == trial(behind + 1);
-        is_one_trial
+        self.trial(before) == self.trial(behind + 1)
             && (0..self.problem.data.n_outputs).any(|k| {
                 let mut others = [before, before + 1, behind, behind + 1].map(|place| self.at(place, k));
                 others.sort_by(f64::total_cmp);
                 let (middle, spread) = (0.5 * (others[1] + others[2]), others[3] - others[0]);
                 (first..behind).all(|place| (self.at(place, k) - middle).abs() > STANDS_OUT * self.sigma + spread)
             })
+    }
+
+    fn trial(&self, place: usize) -> u32 {
+        self.problem.data.trial[self.rows[place]]
     }
 
     fn at(&self, place: usize, output: usize) -> f64 {
