@@ -1,19 +1,21 @@
 //! Measurements that are none: rows that stand out from those before and behind them, single or in short bursts.
 
-use crate::Problem;
 use crate::noise::by_differences;
+use crate::{Problem, Quantity};
 
 /// Rows whose outputs stand out by more than [`STANDS_OUT`] standard deviations of the differences from what lies before and behind
-/// them: single ones, and bursts, as a tracker makes that has lost its mark for a moment.
+/// them: single ones, and of shapes bursts, as a tracker makes that has lost its mark for a moment.
 pub(crate) fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
     let Some((sigma, _)) = by_differences(problem, residual) else { return Vec::new() };
     let width = problem.data.n_outputs;
     let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
     let seen = Seen { problem, residual, rows: &rows, sigma };
+    // Of a camera or a tracker: a joint's encoder has none, and a joint that sticks and slips moves as suddenly as that.
+    let has_bursts = sigma > 0.0 && matches!(problem.data.quantity, Quantity::Snake | Quantity::Segments);
     let (mut single, mut bursts): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
     let mut first = BESIDE;
     while first + BESIDE < rows.len() {
-        let n = if sigma > 0.0 { seen.burst(first) } else { usize::from(seen.stand_out(first, 1)) };
+        let n = if has_bursts { seen.burst(first) } else { usize::from(seen.stand_out(first, 1)) };
         match n {
             0 | 1 => single.extend((n == 1).then_some(rows[first])),
             _ => bursts.extend(&rows[first..first + n]),
