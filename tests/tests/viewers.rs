@@ -143,8 +143,9 @@ const FAST: [&str; 4] = ["/krait/input", "/krait/setpoint", "/krait/command", "/
 /// A viewer that takes a message now and then is told of all that it lost, to the last one, once it keeps up; the chain loses nothing.
 #[test]
 fn a_viewer_that_reads_too_slowly_is_told_of_every_message_that_it_lost() {
-    let instance = instance_name("slow");
-    let run = ["run", "--engage=again", "--instance", &instance, "--no-recording", "--foxglove"];
+    let (instance, folder) = (instance_name("slow"), TempFolder::new("slow"));
+    let recording = folder.file("run.mcap");
+    let run = ["run", "--engage=again", "--instance", &instance, "--recording", &recording, "--foxglove"];
     let mut chain = Krait::start(&run);
     let console = Console::of(&mut chain);
     let address = chain.line();
