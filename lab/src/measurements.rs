@@ -167,6 +167,11 @@ impl Measurements {
         self.output(row).iter().all(|value| value.is_finite())
     }
 
+    /// The first row of a trial, from 0, or of a later one; the number of rows where there is none.
+    pub(crate) fn first_row_of(&self, trial: usize) -> usize {
+        self.trial.partition_point(|own| (*own as usize) < trial)
+    }
+
     /// Whether a row is the first of its trial.
     pub fn starts_trial(&self, row: usize) -> bool {
         row == 0 || self.trial.get(row) != self.trial.get(row - 1)

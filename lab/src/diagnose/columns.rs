@@ -43,13 +43,12 @@ const OF_LINES: [([usize; 3], f64, &str); 11] = [
 /// [`LabError::Chain`] where the model's own effects make no chain.
 pub(super) fn check(problem: &Problem, noise: Option<f64>) -> Result<Option<String>, LabError> {
     let data = &problem.data;
-    let given = Arrangement::given(data);
-    let mut others = match (data.quantity, data.n_inputs, data.n_outputs) {
-        (Quantity::Snake, 3, 2) => of_snake(&given),
-        (Quantity::Segments, ..) => of_segments(&given),
+    let of_machine = match (data.quantity, data.n_inputs, data.n_outputs) {
+        (Quantity::Snake, 3, 2) => of_snake,
+        (Quantity::Segments, ..) => of_segments,
         _ => return Ok(None),
     };
-    others.extend(of_units(&given));
+    let given = Arrangement::given(data);
     let rms = |own: &Arrangement| -> Result<f64, LabError> {
         let predicted = problem.machine.predict(problem.machine.effects(), &own.inputs(data))?;
         let width = data.n_outputs;
@@ -66,6 +65,8 @@ pub(super) fn check(problem: &Problem, noise: Option<f64>) -> Result<Option<Stri
     if noise.is_some_and(|noise| before < LARGE * noise * (data.n_outputs as f64).sqrt()) {
         return Ok(None);
     }
+    let mut others = of_machine(&given);
+    others.extend(of_units(&given));
     let after: Vec<f64> = others.par_iter().map(|own| rms(own).unwrap_or(f64::INFINITY)).collect();
     let best = after.iter().zip(&others).min_by(|a, b| a.0.total_cmp(b.0));
     let (_, scale) = problem.machine.error_unit();

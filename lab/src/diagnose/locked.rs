@@ -75,7 +75,7 @@ pub(super) fn error(
 ) -> Result<Option<LockedError>, LabError> {
     match &options.recordings[..] {
         [open @ .., (_, first_trial)] if !open.is_empty() => {
-            let first = data.trial.iter().position(|trial| *trial as usize >= *first_trial);
+            let first = Some(data.first_row_of(*first_trial)).filter(|row| *row < data.n_rows());
             let recordings = if open.len() > 1 { open.to_vec() } else { Vec::new() };
             let options = DiagnoseOptions { recordings, ..options.clone() };
             first.map_or(Ok(None), |first| of_recording(machine, data, &options, first))

@@ -3,7 +3,6 @@
 //! Three recordings or more: of two that disagree nobody knows which one is the odd one.
 
 use super::accept::FOLDS;
-use super::search::Trial;
 use super::verdict::Case;
 use crate::fit::{Fit, held_out_output_squares, held_out_parts};
 use crate::noise::median;
@@ -18,28 +17,24 @@ const LEAST_ODD: f64 = 0.5;
 const MORE_THAN_TYPICAL: f64 = 1.25;
 
 impl Case<'_> {
-    /// Error of the outputs under parameters that have not seen them, in their unit: of each recording where there are three or more,
-    /// else of blocks of time.
-    pub(super) fn held_out_rms(&self, problem: &Problem, fit: &Fit) -> f64 {
-        let squares = match self.are_judged() {
-            true => held_out_parts(problem, fit, &self.first_rows(problem)),
+    /// Squares of the outputs under parameters that have not seen them: of each recording where there are three or more, else of blocks
+    /// of time.
+    pub(super) fn held_out_squares(&self, problem: &Problem, fit: &Fit) -> Vec<f64> {
+        match self.are_judged() {
+            true => held_out_parts(problem, fit, &first_rows(self.recordings, &problem.data)),
             false => held_out_output_squares(problem, fit, FOLDS),
-        };
-        problem.rms_of_outputs(squares.iter().sum())
+        }
     }
 
     /// Whether recordings that were left out are explained no better by a list of effects than without, all together; and a sentence
-    /// on each that contradicts the others.
-    pub(super) fn by_recordings(&self, start: &Trial, chosen: &Trial) -> (bool, Vec<String>) {
-        if !self.are_judged() || chosen.found.is_empty() {
+    /// on each that contradicts the others. The squares are those of [`Case::held_out_squares`] on all rows.
+    pub(super) fn by_recordings(&self, before: &[f64], after: &[f64]) -> (bool, Vec<String>) {
+        if !self.are_judged() {
             return (false, Vec::new());
         }
-        let problem = self.alone[0].problem;
-        let first_rows = self.first_rows(problem);
-        let [before, after] = [start, chosen].map(|own| held_out_parts(problem, &own.fit, &first_rows));
         let is_denied = after.iter().sum::<f64>() >= before.iter().sum::<f64>();
-        let pairs: Vec<(f64, f64)> = before.into_iter().zip(after).collect();
-        let mut said = disagreements(&pairs, self.recordings, &problem.data, "");
+        let pairs: Vec<(f64, f64)> = before.iter().copied().zip(after.iter().copied()).collect();
+        let mut said = disagreements(&pairs, self.recordings, &self.alone[0].problem.data, "");
         if is_denied {
             said.push(
                 "what some recordings show makes the error of those left out no smaller: nothing is asserted of all"
@@ -52,16 +47,11 @@ impl Case<'_> {
     fn are_judged(&self) -> bool {
         self.recordings.len() >= FEWEST_RECORDINGS
     }
-
-    fn first_rows(&self, problem: &Problem) -> Vec<usize> {
-        first_rows(self.recordings, &problem.data)
-    }
 }
 
 /// Where each recording begins.
 fn first_rows(recordings: &[(String, usize)], data: &Measurements) -> Vec<usize> {
-    let first = |(_, trial): &(String, usize)| data.trial.partition_point(|own| (*own as usize) < *trial);
-    recordings.iter().map(first).collect()
+    recordings.iter().map(|(_, trial)| data.first_row_of(*trial)).collect()
 }
 
 /// Recordings in which effects explain little of what they explain in the others, a sentence each; of each its squares before and after.

@@ -169,7 +169,7 @@ impl Case<'_> {
     /// Error on blocks that a fit did not see, in the unit of errors; of a fit with nothing beside the effects.
     pub(super) fn error(&self, trial: &Trial) -> f64 {
         let problem = self.alone[0].problem;
-        self.held_out_rms(problem, &trial.fit) * problem.machine.error_unit().1
+        length(problem, &self.held_out_squares(problem, &trial.fit))
     }
 
     fn conclude(self, start: &Trial, mut chosen: Trial) -> Result<Diagnosis, LabError> {
@@ -184,8 +184,10 @@ impl Case<'_> {
             Some(_) => Some(search.fitted(chosen.found.clone(), &chosen.fit.effects)?),
         };
         let alone = refitted.as_ref().unwrap_or(&chosen);
-        let (before, after) = (self.error(start), self.error(alone));
-        let (is_denied, odd) = self.by_recordings(start, alone);
+        let squares = [start, alone].map(|own| self.held_out_squares(problem, &own.fit));
+        let [before, after] = squares.each_ref().map(|own| length(problem, own));
+        let (is_denied, odd) =
+            if chosen.found.is_empty() { (false, Vec::new()) } else { self.by_recordings(&squares[0], &squares[1]) };
         let floor = self.floor(&chosen);
         let remaining = self.remaining(&chosen, before, after, &floor)?;
         let known = self.known(&chosen)?;
@@ -331,9 +333,8 @@ impl Case<'_> {
         known: &Known,
     ) -> Result<Vec<FoundEffect>, LabError> {
         let problem = self.tried.problem;
-        let (_, scale) = problem.machine.error_unit();
         let mut errors = vec![ends[0]];
-        errors.extend(prefixes.iter().map(|own| self.held_out_rms(problem, &own.fit) * scale));
+        errors.extend(prefixes.iter().map(|own| length(problem, &self.held_out_squares(problem, &own.fit))));
         errors.push(ends[1]);
         (0..chosen.found.len())
             .map(|slot| {
@@ -485,4 +486,9 @@ impl Case<'_> {
         all.sort_by(|a, b| a.heldout_rms.unwrap_or(f64::INFINITY).total_cmp(&b.heldout_rms.unwrap_or(f64::INFINITY)));
         all
     }
+}
+
+/// Error whose outputs have these squares in all, in the unit of errors.
+fn length(problem: &Problem, squares: &[f64]) -> f64 {
+    problem.rms_of_outputs(squares.iter().sum()) * problem.machine.error_unit().1
 }
