@@ -23,7 +23,7 @@ const BEYOND: usize = 5;
 /// Adds to predicted bends, row after row, what is open, so that they are nearest to the measured ones.
 pub(crate) fn align(snake: &Snake, predicted_rad: &mut [f64], data: &Measurements) {
     for (k, frame) in data.tip_frames.iter().enumerate() {
-        let row_of = |trial: u32| data.trial.partition_point(|own| *own < trial);
+        let row_of = |trial: u32| data.first_row_of(trial as usize);
         let end = data.tip_frames.get(k + 1).map_or(data.n_rows(), |next| row_of(next.first_trial));
         let rows = row_of(frame.first_trial)..end;
         let surface = Surface { snake, beyond_m: frame.beyond_m.unwrap_or(0.0) };
