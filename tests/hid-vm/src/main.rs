@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, reason = "the serial console is where the verdict is read")]
 
+mod aside;
 mod chain;
 mod codes;
 mod gamepad;

@@ -1,5 +1,6 @@
 //! Pulling the plug while the cap is held, and plugging it in again, for an ordinary user whom udev lets in a little later.
 
+use crate::aside::Aside;
 use crate::chain::{Journal, User, VmChain, VmEnded};
 use crate::model::Model;
 use crate::repeated::zero_ns;
@@ -15,8 +16,14 @@ use std::time::Duration;
 
 /// The master's silence limit: a loss that is told sooner was told by the kernel, not by silence, ns.
 const SILENCE_LIMIT_NS: i64 = 100_000_000;
-/// From a loss to the command that ends the motion, ns: two ticks of the master. 0.3 to 1.2 ms were measured since a loss wakes it at once.
+/// From a loss to the command that ends the motion, ns: two ticks of the master. 0.2 to 1.5 ms were measured.
 pub const STOP_NS: i64 = 2_000_000;
+/// The longest of several, ns: a tick more, because the machine has one processor, and the kernel that takes the device away runs on it too.
+const LONGEST_STOP_NS: i64 = 3_000_000;
+/// How often it is pulled out once more, how long the cap is held before it, and how long it stays out.
+const N_MORE: u8 = 4;
+const HELD_MS: i64 = 100;
+const OUT: Duration = Duration::from_millis(150);
 /// How long the snake may take to brake after the loss, ns.
 const BRAKING_NS: i64 = 100_000_000;
 /// A chain that goes on leaves no larger gap between two setpoints, ns: half of what its readers call stale.
@@ -43,13 +50,15 @@ pub fn unplug() -> anyhow::Result<PartVerdict> {
     let mouse = SpaceMouse::plug(Model::Compact)?;
     mouse.permit(0o666)?;
     std::fs::write(CONFIG, format!("[master]\nrecord_reports = \"{REPORTS}\"\n")).context(CONFIG)?;
-    let chain = VmChain::start_with("unplug", User::Nobody, 5.5, &["--config", CONFIG])?;
+    let chain = VmChain::start_with("unplug", User::Nobody, 9.0, &["--config", CONFIG])?;
     mouse.wait_until_read()?;
+    let aside = Aside::begin()?;
     let (instants, mouse) = play(mouse)?;
+    drop(aside);
     let (ended, journal) = chain.end()?;
     mouse.unplug()?;
     let mut verdict = PartVerdict::default();
-    judge_stop(&mut verdict, &journal)?;
+    judge_stops(&mut verdict, &journal)?;
     judge_loss(&mut verdict, &ended, &journal, &instants)?;
     judge_return(&mut verdict, &ended, &journal, &instants)?;
     Ok(verdict)
@@ -76,6 +85,16 @@ fn play(mut mouse: SpaceMouse) -> anyhow::Result<(Instants, SpaceMouse)> {
     mouse.hold(-250, 300)?;
     mouse.release()?;
     let released = clock::monotonic_ns();
+    for round in 0..N_MORE {
+        mouse.press(0)?;
+        // Not always at the same instant of a tick.
+        mouse.hold(if round % 2 == 0 { 250 } else { -250 }, HELD_MS + 8 * i64::from(round))?;
+        mouse.unplug()?;
+        sleep(OUT);
+        mouse = SpaceMouse::plug(Model::Compact)?;
+        mouse.permit(0o666)?;
+        mouse.wait_until_read()?;
+    }
     Ok((Instants { held, unplugged, plugged, pressed, released, n_lit_too_early }, mouse))
 }
 
@@ -88,11 +107,18 @@ pub struct Stop<'a> {
 
 impl Stop<'_> {
     /// Judges how long after the loss it was sent.
-    pub fn judge(&self, verdict: &mut PartVerdict, name: &'static str, limit_ns: i64) {
-        let stop_ns: i64 = self.hops_ns.iter().sum();
+    pub fn judge(&self, verdict: &mut PartVerdict, name: &'static str) {
+        verdict.check(name, (0..=STOP_NS).contains(&self.whole_ns()), self.figure());
+    }
+
+    fn whole_ns(&self) -> i64 {
+        self.hops_ns.iter().sum()
+    }
+
+    /// The whole and its hops, us.
+    fn figure(&self) -> String {
         let [master, resolve, compensate] = self.hops_ns.map(|ns| ns / 1000);
-        let figure = format!("{}={master}+{resolve}+{compensate}", stop_ns / 1000);
-        verdict.check(name, (0..=limit_ns).contains(&stop_ns), figure);
+        format!("{}={master}+{resolve}+{compensate}", self.whole_ns() / 1000)
     }
 }
 
@@ -114,11 +140,18 @@ pub fn stop_after<'a>(journal: &'a Journal, reports: &Path, nth: usize) -> anyho
     Ok(Stop { command: stop, hops_ns: core::array::from_fn(|hop| at_ns[hop + 1] - at_ns[hop]) })
 }
 
-/// From the loss to the command that goes no further.
-fn judge_stop(verdict: &mut PartVerdict, journal: &Journal) -> anyhow::Result<()> {
-    let stop = stop_after(journal, Path::new(REPORTS), 0)?;
-    stop.judge(verdict, "stop_command_virtual_us", STOP_NS);
-    let stop = stop.command;
+/// From each loss to the command that ends the motion; after the first it goes no further.
+fn judge_stops(verdict: &mut PartVerdict, journal: &Journal) -> anyhow::Result<()> {
+    let stops = (0..=usize::from(N_MORE)).map(|nth| stop_after(journal, Path::new(REPORTS), nth));
+    let stops = stops.collect::<anyhow::Result<Vec<Stop>>>()?;
+    let mut whole_ns: Vec<i64> = stops.iter().map(Stop::whole_ns).collect();
+    whole_ns.sort_unstable();
+    let (shortest_ns, median_ns, longest_ns) =
+        (whole_ns[0], whole_ns[whole_ns.len() / 2], whole_ns[whole_ns.len() - 1]);
+    let in_time = shortest_ns >= 0 && median_ns <= STOP_NS && longest_ns <= LONGEST_STOP_NS;
+    let figures: Vec<String> = stops.iter().map(Stop::figure).collect();
+    verdict.check("stop_commands_virtual_us", in_time, figures.join(","));
+    let stop = stops[0].command;
     // The cap was held to one side, so that all motion went outwards.
     let bend_rad = |command: &Command| command.bend_rad[0].hypot(command.bend_rad[1]);
     let before = journal.commands.iter().rfind(|command| command.sequence < stop.sequence);
