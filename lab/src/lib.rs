@@ -6,6 +6,7 @@
 
 mod add;
 mod calibrated;
+mod camera;
 mod cells;
 mod clock;
 pub mod compare;
@@ -35,6 +36,7 @@ mod trees;
 
 pub use add::{AddOptions, Added, JointNumber, add, refit};
 pub use calibrated::{disagreements, drawn_away};
+pub use camera::CameraOffset;
 pub use clock::ClockOffset;
 pub use error::LabError;
 pub use measurements::{LoadUse, Measurements, Names, Quantity, SecondClock};

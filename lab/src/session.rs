@@ -4,7 +4,7 @@ use crate::diagnose::first_trials;
 use crate::machine::{MachineUnderTest, machine_of};
 use crate::read::{ColumnMap, ReadError, read, read_with};
 use crate::stage::stage;
-use crate::{ClockOffset, LabError, Measurements, Quantity};
+use crate::{CameraOffset, ClockOffset, LabError, Measurements, Quantity};
 use krait_ipc::input;
 use krait_model::model_file::{ModelFile, ModelFileError};
 use std::path::{Path, PathBuf};
@@ -77,6 +77,32 @@ pub enum SessionError {
         n_clocks: usize,
         /// The recordings.
         n_recordings: usize,
+    },
+    /// Cameras for another number of recordings.
+    #[error(
+        "--camera-offset: {n_cameras} are given for {n_recordings} recordings, expected one for each in their order, 0 for the first; leave \
+         them out or name the others"
+    )]
+    Cameras {
+        /// Those given.
+        n_cameras: usize,
+        /// The recordings.
+        n_recordings: usize,
+    },
+    /// A camera's angles for another machine.
+    #[error(
+        "--camera-offset {words}: {n_angles} angles are given for a {machine} with {n_outputs} bends, expected one for each bend of a snake or \
+         of segments, or 0 for none"
+    )]
+    Angles {
+        /// As given.
+        words: String,
+        /// Angles in it.
+        n_angles: usize,
+        /// Kind of machine.
+        machine: &'static str,
+        /// What a camera sees of it.
+        n_outputs: usize,
     },
     /// A force has no clock of its own.
     #[error(
@@ -159,6 +185,28 @@ impl Session {
             return Err(SessionError::OneClock);
         }
         let data = self.data.by_clocks(&all, &first_trials(&self.recordings));
+        Ok(Self { data, ..self })
+    }
+
+    /// The same as if the cameras of all recordings stood where the first one's did: none, or one for each.
+    ///
+    /// # Errors
+    /// [`SessionError::Cameras`] for another number of cameras, [`SessionError::Angles`] for another number of angles.
+    pub fn by_cameras(self, cameras: &[CameraOffset]) -> Result<Self, SessionError> {
+        let (n_cameras, n_recordings) = (cameras.len(), self.recordings.len().max(1));
+        if cameras.is_empty() {
+            return Ok(self);
+        }
+        if n_cameras != n_recordings {
+            return Err(SessionError::Cameras { n_cameras, n_recordings });
+        }
+        let has_bends = matches!(self.data.quantity, Quantity::Snake | Quantity::Segments);
+        let n_outputs = if has_bends { self.data.n_outputs } else { 0 };
+        if let Some(own) = cameras.iter().find(|own| !own.is_none() && own.0.len() != n_outputs) {
+            let (words, n_angles, machine) = (own.words(), own.0.len(), self.machine.kind());
+            return Err(SessionError::Angles { words, n_angles, machine, n_outputs });
+        }
+        let data = self.data.by_cameras(cameras, &first_trials(&self.recordings));
         Ok(Self { data, ..self })
     }
 }

@@ -3,7 +3,7 @@
 use crate::cli_lab_data::{BenchmarkArgs, CheckArgs, GenerateArgs, QuizArgs};
 use clap::{Args, Subcommand};
 use krait_lab::read::{ColumnMap, Mapping, ReadError};
-use krait_lab::{ClockOffset, Session};
+use krait_lab::{CameraOffset, ClockOffset, Session};
 use std::path::PathBuf;
 
 /// The lab's subcommands.
@@ -98,6 +98,10 @@ pub struct LabFiles {
     /// million their clock is apart; once, or again for each recording.
     #[arg(long, value_name = "SECONDS[,PPM]", allow_hyphen_values = true)]
     pub clock: Vec<ClockOffset>,
+    /// How much larger a recording's camera sees each bend than the first recording's, deg with commas between, as a diagnosis of several
+    /// recordings finds it; again for each recording, 0 for the first.
+    #[arg(long, value_name = "DEG[,DEG]", allow_hyphen_values = true)]
+    pub camera_offset: Vec<CameraOffset>,
     /// The file's own name and unit for a column of the lab, again for each: bend_x_rad=cam.x:deg.
     #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
     pub map: Vec<Mapping>,
@@ -113,7 +117,7 @@ impl LabFiles {
     /// What the lab refuses, one sentence.
     pub fn session(&self) -> anyhow::Result<Session> {
         let session = Session::open_with(&self.model, &self.data, self.with.as_deref(), &self.column_map()?)?;
-        Ok(session.by_clocks(&self.clock)?)
+        Ok(session.by_cameras(&self.camera_offset)?.by_clocks(&self.clock)?)
     }
 
     /// The mappings together.

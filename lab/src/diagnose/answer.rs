@@ -4,6 +4,7 @@ use super::sketch::place;
 use super::variation::ParameterVariation;
 use super::{LockedError, NextExperiment, Sketch, Structure};
 use crate::Term;
+use crate::camera::CameraOffset;
 use crate::clock::ClockOffset;
 use crate::machine::JointsLab;
 use crate::noise::NoiseFloor;
@@ -76,6 +77,8 @@ pub struct Diagnosis {
     pub loads: Option<Vec<LoadCell>>,
     /// The clock of each recording's measurements that was found beside the effects; empty where it is the commands'.
     pub clocks: Vec<ClockOffset>,
+    /// Where each recording's camera was found to stand, beside the first one's; empty where all stand alike.
+    pub cameras: Vec<CameraOffset>,
     /// The missing effects, the one that brings most first; empty unless the verdict says missing or partly.
     pub effects: Vec<FoundEffect>,
     /// Hypotheses: effects that help, but do not explain; where the verdict is unknown or too short.

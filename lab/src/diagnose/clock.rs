@@ -5,16 +5,13 @@
 //! effect `latency` has them.
 
 use super::answer::{Calibration, Diagnosis};
+use super::rest::{Rest, on_working_rows, variables};
 use super::whole::DiagnoseOptions;
-use super::working::working_rows;
 use crate::clock::ClockOffset;
-use crate::fit::{Fit, Variable, dot, fit, fit_to_end, inverse, normal_equations, standard_errors};
-use crate::free::free_variables;
+use crate::fit::{Fit, dot, fit, fit_to_end};
 use crate::machine::MachineUnderTest;
-use crate::prepare::{Prepared, prepare};
 use crate::stage::stage;
 use crate::{LabError, Measurements, Problem};
-use nalgebra::DVector;
 
 /// A shift or a rate counts from so many standard errors on ...
 const ERRORS: f64 = 4.0;
@@ -96,13 +93,7 @@ fn settled(
     let mut has_moved = false;
     for n in 0..MOST_STEPS {
         let moved = data.by_clocks(&values, &firsts);
-        let Prepared { problem, excluded, .. } = prepare(machine, &moved)?;
-        let rows = working_rows(&moved, &excluded);
-        let problem = if rows.len() < moved.n_rows() {
-            Problem::new(machine, moved.select(&rows), &[], SHORTEST_BLOCK_S)
-        } else {
-            problem
-        };
+        let problem = on_working_rows(machine, &moved)?;
         let variables = variables(machine, &problem, options, diagnosis)?;
         let fitted = if n == 0 && was_none {
             fit(&problem, &terms, &variables, 0, 0.0)?
@@ -139,36 +130,13 @@ fn settled(
     Ok((has_moved && !is_none).then_some(Clocks { values, errors, is_free }))
 }
 
-/// Blocks of the working rows, s.
-const SHORTEST_BLOCK_S: f64 = 4.0;
-
-/// What the diagnosis had free: of the model's own, and of the effects that it found.
-fn variables(
-    machine: &dyn MachineUnderTest,
-    problem: &Problem,
-    options: &DiagnoseOptions,
-    diagnosis: &Diagnosis,
-) -> Result<Vec<Variable>, LabError> {
-    let mut all = free_variables(machine, &problem.data, &options.free)?;
-    let found = if diagnosis.effects.is_empty() { &diagnosis.partial } else { &diagnosis.effects };
-    let base = machine.effects().len();
-    for (slot, effect) in found.iter().enumerate() {
-        for (k, own) in effect.parameters.iter().enumerate().filter(|(_, own)| own.is_free && !own.on_bound) {
-            let size = own.value.abs().max(own.se);
-            all.push(Variable::new(machine, &diagnosis.terms, base + slot, k, size)?);
-        }
-    }
-    Ok(all)
-}
-
 /// What a fit leaves of the measurements beside the speed of what it predicts.
 struct Step {
     /// Speed, and speed times the time from the recording's middle, of each recording, laid out as residuals are.
     columns: Vec<Vec<f64>>,
     /// Speed of one size along the motion: what is lost of the way and not of time.
     directions: Vec<Vec<f64>>,
-    slopes: Vec<Vec<f64>>,
-    residual: Vec<f64>,
+    rest: Rest,
     /// Standard errors of shift and rate of each recording, all free.
     errors: Vec<[f64; 2]>,
 }
@@ -196,50 +164,22 @@ impl Step {
             let length = |row: usize| speed[row * n..][..n].iter().map(|v| v * v).sum::<f64>().sqrt();
             directions.push(of_rows(&|row, v| if length(row) > 0.0 { -v / length(row) } else { 0.0 }));
         }
-        let slopes = fitted.slopes.clone();
-        let residual = fitted.residual.clone();
-        let mut own = Self { columns, directions, slopes, residual, errors: Vec::new() };
+        let mut own = Self { columns, directions, rest: Rest::of(fitted), errors: Vec::new() };
         let all: Vec<&Vec<f64>> = own.columns.iter().collect();
-        let robust = own.errors_of(problem, &all);
+        let robust = own.rest.errors_of(problem, &all);
         own.errors = (0..firsts.len()).map(|k| [robust[2 * k], robust[2 * k + 1]]).collect();
         Ok(own)
     }
 
-    /// These columns and the slopes, the step that they ask for together, and how much of the squares it takes away.
-    fn together(&self, columns: &[&Vec<f64>]) -> (Vec<Vec<f64>>, DVector<f64>, f64) {
-        let all: Vec<Vec<f64>> = columns.iter().copied().chain(&self.slopes).cloned().collect();
-        let (gram, gradient) = normal_equations(&all, &self.residual);
-        let step = -inverse(&gram) * &gradient;
-        let gain = -step.dot(&gradient);
-        (all, step, gain)
-    }
-
-    /// The step that some columns ask for beside the slopes, and how much of the squares it takes away.
-    fn solved(&self, columns: &[&Vec<f64>]) -> (DVector<f64>, f64) {
-        let (_, step, gain) = self.together(columns);
-        (step.rows(0, columns.len()).into_owned(), gain)
-    }
-
-    /// Standard errors of the numbers of these columns, beside the slopes, with what the step that they ask for leaves: what a clock makes is
-    /// no noise.
-    fn errors_of(&self, problem: &Problem, columns: &[&Vec<f64>]) -> Vec<f64> {
-        let (all, step, _) = self.together(columns);
-        let mut left = self.residual.clone();
-        for (column, step) in all.iter().zip(step.iter()) {
-            left.iter_mut().zip(column).for_each(|(left, own)| *left += step * own);
-        }
-        standard_errors(problem, &all, &left).0
-    }
-
     /// Which numbers are beyond doubt: measurements that come ahead, and clocks of another rate.
     fn told(&self) -> Vec<[bool; 2]> {
-        let (_, without) = self.solved(&[]);
-        let left = dot(&self.residual, &self.residual) - without;
+        let (_, without) = self.rest.solved(&[]);
+        let left = dot(&self.rest.residual, &self.rest.residual) - without;
         let told = |k: usize| {
             let (shift, rate) = (&self.columns[2 * k], &self.columns[2 * k + 1]);
-            let (step, both) = self.solved(&[shift, rate]);
+            let (step, both) = self.rest.solved(&[shift, rate]);
             let [shift_error, rate_error] = self.errors[k];
-            let alone = |column: &Vec<f64>| self.solved(&[column]).1;
+            let alone = |column: &Vec<f64>| self.rest.solved(&[column]).1;
             let (by_shift, by_rate) = (alone(shift), alone(rate));
             let pays = |gain: f64| gain > LEAST_SHARE * left;
             // What holds a part of the way in both directions is play of the model, and not its clock.
@@ -254,8 +194,8 @@ impl Step {
     fn of(&self, is_free: &[[bool; 2]], problem: &Problem) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
         let places: Vec<usize> = (0..self.columns.len()).filter(|k| is_free[k / 2][k % 2]).collect();
         let columns: Vec<&Vec<f64>> = places.iter().map(|k| &self.columns[*k]).collect();
-        let (step, _) = self.solved(&columns);
-        let robust = self.errors_of(problem, &columns);
+        let (step, _) = self.rest.solved(&columns);
+        let robust = self.rest.errors_of(problem, &columns);
         let mut steps = vec![[0.0; 2]; is_free.len()];
         let mut errors = steps.clone();
         for (n, place) in places.into_iter().enumerate() {

@@ -2,6 +2,7 @@
 
 use super::variation::ParameterVariation;
 use super::{Calibration, Diagnosis, FoundEffect, LoadCell, LockedError};
+use crate::CameraOffset;
 use crate::experiment::{Experiment, Separation};
 use krait_model::effects::explanation;
 use serde_json::{Map, Value, json};
@@ -35,6 +36,7 @@ impl Diagnosis {
             "model_free_rms_deg": deg(self.model_free_rms),
             "calibration": self.calibration.iter().map(Calibration::to_json).collect::<Vec<_>>(),
             "clocks": self.clocks.iter().map(|own| json!({ "shift_s": own.shift_s, "rate_ppm": 1e6 * own.rate })).collect::<Vec<_>>(),
+            "camera_offsets": self.cameras.iter().map(CameraOffset::to_json).collect::<Vec<_>>(),
             "effects": self.effects.iter().map(|own| effect(own, &self.unit)).collect::<Vec<_>>(),
             "chain_order": self.chain_order(),
             "partial": self.partial.iter().map(|own| effect(own, &self.unit)).collect::<Vec<_>>(),

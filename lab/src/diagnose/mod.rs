@@ -13,6 +13,7 @@
 //! 6. Where something is left, shapes that name no physics are put beside the effects (`beside`; a snake's are chosen together with
 //!    effects, `mixture` and `fine_shapes`), and the search is begun anew; which effects stand there (`stand`).
 //! 7. Where what is left follows the speed of the motion, the camera's clock is moved and all is begun anew (`clock`).
+//!    Where one of several recordings lies beside the first one's, so are its bends (`own_camera`).
 //! 8. Where it is asked for, all of it once more without a last part, which the model that comes out predicts (`locked`).
 //! 9. Where something remains, what a fit without any law would leave is a hint at how much can be explained (`model_free`).
 
@@ -36,8 +37,10 @@ mod locked;
 mod mixture;
 mod model_free;
 mod omitted;
+mod own_camera;
 mod periodic;
 mod recordings;
+mod rest;
 mod rhythm;
 pub mod screen;
 pub mod search;

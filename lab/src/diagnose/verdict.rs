@@ -249,6 +249,7 @@ impl Case<'_> {
             cautions,
             loads,
             clocks: Vec::new(),
+            cameras: Vec::new(),
             model_free_rms: None,
             locked: None,
             unit: unit.to_owned(),

@@ -1,10 +1,11 @@
 //! The diagnosis as a whole: of joints in their own way; of every other machine by the clock that the data have, and by another one
-//! where what is left says so.
+//! where what is left says so, as by another camera of one of several recordings.
 
 use super::answer::{Diagnosis, Verdict};
 use super::clock::by_own_clock;
 use super::locked;
 use super::model_free::model_free_rms;
+use super::own_camera::by_own_camera;
 use super::verdict::by_one_clock;
 use crate::machine::{Freed, MachineUnderTest, freed};
 use crate::{LabError, Measurements, Offered, Quantity, offered};
@@ -64,11 +65,19 @@ pub fn diagnose(
     let diagnosis = open_diagnosis(machine, data, options)?;
     let remains = matches!(diagnosis.verdict, Verdict::Partly | Verdict::Unknown) || diagnosis.noise_floor.is_none();
     let model_free_rms = match remains {
-        true => model_free_rms(machine, &data.by_clocks(&diagnosis.clocks, &options.first_trials()), &diagnosis)?,
+        true => model_free_rms(machine, &data.as_found(&diagnosis, &options.first_trials()), &diagnosis)?,
         false => None,
     };
     let locked = options.is_locked.then(|| locked::error(machine, data, options, &diagnosis)).transpose()?.flatten();
     Ok(Diagnosis { model_free_rms, locked, ..diagnosis })
+}
+
+impl Measurements {
+    /// Where a diagnosis has found that they belong: by the cameras and the clocks of their recordings.
+    #[must_use]
+    fn as_found(&self, diagnosis: &Diagnosis, first_trials: &[usize]) -> Self {
+        self.by_cameras(&diagnosis.cameras, first_trials).by_clocks(&diagnosis.clocks, first_trials)
+    }
 }
 
 /// The diagnosis without what is asked beside it.
@@ -85,6 +94,10 @@ pub(super) fn open_diagnosis(
         }
         // Angle and force are filtered alike and have one clock.
         None if data.quantity == Quantity::Force => by_one_clock(machine, data, options)?,
-        None => by_own_clock(machine, data, options, |data| by_one_clock(machine, data, options))?,
+        None => {
+            let of_one_camera =
+                |data: &Measurements| by_own_clock(machine, data, options, |data| by_one_clock(machine, data, options));
+            by_own_camera(machine, data, options, of_one_camera)?
+        }
     })
 }

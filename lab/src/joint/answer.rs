@@ -146,6 +146,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         partial,
         loads: None,
         clocks: Vec::new(),
+        cameras: Vec::new(),
         model_free_rms: None,
         locked: None,
         remaining,

@@ -58,3 +58,45 @@ fn what_one_recording_alone_has_is_not_asserted_of_all() {
     let found = together(&[1.3, 0.96, 0.96]);
     assert!(found.verdict == Verdict::Unknown && found.effects.is_empty(), "{} {:?}", found.sentence, found.cautions);
 }
+
+/// Two recordings of a stiffer snake; the bends of each are seen larger by these angles, deg.
+fn by_cameras(offsets_deg: [[f64; 2]; 2]) -> Diagnosis {
+    let one = |k: usize| {
+        let mut made = made_on(motion_of(800, 1), &[term("stiffness-scale", &[1.15])], 700 + k as u64);
+        let seen = |(i, own): (usize, &mut f64)| *own += offsets_deg[k][i % 2].to_radians();
+        made.outputs.iter_mut().enumerate().for_each(seen);
+        Measurements { source: format!("run{k}.csv"), ..made }
+    };
+    diagnosed(one(0), [one(1)])
+}
+
+fn names(found: &Diagnosis) -> Vec<&str> {
+    found.effects.iter().map(|own| own.name.as_str()).collect()
+}
+
+#[test]
+fn a_camera_that_was_mounted_anew_is_calibration_of_its_recording() {
+    let found = by_cameras([[0.0, 0.0], [0.8, -0.5]]);
+    assert_eq!((found.verdict, names(&found).len()), (Verdict::Missing, 1), "{} {:?}", found.sentence, names(&found));
+    assert!(found.effects[0].class.iter().any(|name| name == "stiffness-scale"), "{}", found.sentence);
+    let noise_deg = NOISE_RAD.to_degrees() * core::f64::consts::SQRT_2;
+    assert!((found.final_heldout_rms / noise_deg - 1.0).abs() < 0.05, "{} deg", found.final_heldout_rms);
+    for (name, truth_deg) in [("camera-offset-x", 0.8), ("camera-offset-y", -0.5)] {
+        let own = found.calibration.iter().find(|own| own.name == name).unwrap();
+        assert_eq!(own.recording.as_deref(), Some("run1.csv"));
+        let off_deg = (own.value.to_degrees() - truth_deg).abs();
+        assert!(off_deg < 3.0 * own.se.to_degrees() && own.se.to_degrees() < 0.1, "{name} {} +- {}", own.value, own.se);
+    }
+    assert!(found.cameras[0].is_none() && !found.cameras[1].is_none());
+    assert!(found.cautions.iter().any(|own| own.contains("stood otherwise than in run0.csv")), "{:?}", found.cautions);
+}
+
+#[test]
+fn a_camera_that_stands_alike_in_all_recordings_is_no_calibration_of_one() {
+    let straight = by_cameras([[0.0, 0.0]; 2]);
+    assert_eq!((straight.verdict, straight.cameras.len()), (Verdict::Missing, 0), "{}", straight.sentence);
+    let found = by_cameras([[0.8, -0.5]; 2]);
+    assert_eq!((found.verdict, found.cameras.len()), (Verdict::Missing, 0), "{} {:?}", found.sentence, found.cautions);
+    let is_named = |kind: &str| found.effects.iter().any(|own| own.class.iter().any(|name| name == kind));
+    assert!(is_named("stiffness-scale") && is_named("camera-offset"), "{:?}", names(&found));
+}

@@ -15,7 +15,7 @@ const SNAKE: &str = "format = 1\n[machine]\nkind = \"snake\"\n";
 const IN_MM: &str = "format = 1\n[machine]\nkind = \"joints\"\nn = 1\nu_unit = \"mm\"\ny_unit = \"mm\"\n";
 
 /// Every key of an answer, and what stands under it: s text, n number, a list, o object, b truth; ? where it may be null.
-const KEYS: [(&str, &str); 40] = [
+const KEYS: [(&str, &str); 41] = [
     ("format", "n"),
     ("verdict", "s"),
     ("sentence", "s"),
@@ -39,6 +39,7 @@ const KEYS: [(&str, &str); 40] = [
     ("model_free_rms_deg", "n?"),
     ("calibration", "a"),
     ("clocks", "a"),
+    ("camera_offsets", "a"),
     ("effects", "a"),
     ("chain_order", "a"),
     ("partial", "a"),

@@ -1,4 +1,4 @@
-//! A camera that comes ahead of the encoders: the diagnosis says so, and the commands that it prints reach what it promises.
+//! A camera that comes ahead of the encoders, or that was mounted anew: the diagnosis says so, and the commands that it prints reach what it promises.
 
 use serde_json::Value;
 use std::path::PathBuf;
@@ -57,11 +57,62 @@ fn commands_after_a_camera_ahead_reach_what_the_diagnosis_promised() {
     let without = error_deg(&format!("lab compare --model {better} --data {data} --json"));
     assert!(without > 1.3 * left, "{without} deg by the wrong clock, {left} by the right one");
 
-    for (clock, why) in
-        [("--clock soon", "expected seconds"), ("--clock 0.1 --clock 0.2", "2 are given for 1 recordings")]
-    {
+    for (clock, why) in [
+        ("--clock soon", "expected seconds"),
+        ("--clock 0.1 --clock 0.2", "2 are given for 1 recordings"),
+        ("--camera-offset left", "expected how much larger"),
+        ("--camera-offset 0 --camera-offset 1,0", "2 are given for 1 recordings"),
+        ("--camera-offset 1,0,0", "3 angles are given for a snake with 2 bends"),
+    ] {
         let refused = krait(&format!("lab compare {files} {clock}"));
         assert_eq!(refused.status.code(), Some(2), "{clock}");
         assert!(String::from_utf8_lossy(&refused.stderr).contains(why), "{refused:?}");
     }
+}
+
+/// Two recordings of one snake, by halves of one table, of which the second's bends in x are seen larger by 0.8 degrees.
+#[test]
+fn commands_after_a_camera_mounted_anew_reach_what_the_diagnosis_promised() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("camera-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = |name: &str| folder.join(name).display().to_string();
+    let (whole, model, halves) = (path("whole.csv"), path("base.toml"), [path("first.csv"), path("second.csv")]);
+    let made = krait(&format!("lab generate --kind stiffness --size 3 --seconds 80 --seed 31 --out {whole}"));
+    assert!(made.status.success(), "{made:?}");
+    let text = std::fs::read_to_string(&whole).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let x = header.split(',').position(|name| name == "bend_x_rad").unwrap();
+    let rows: Vec<&str> = rows.lines().collect();
+    let mounted_anew = |row: &str| {
+        let cell = |(k, cell): (usize, &str)| match k == x {
+            true => (cell.parse::<f64>().unwrap() + 0.8_f64.to_radians()).to_string(),
+            false => cell.to_owned(),
+        };
+        row.split(',').enumerate().map(cell).collect::<Vec<_>>().join(",")
+    };
+    let (first, second) = rows.split_at(rows.len() / 2);
+    let second: Vec<String> = second.iter().map(|row| mounted_anew(row)).collect();
+    std::fs::write(&halves[0], format!("{header}\n{}\n", first.join("\n"))).unwrap();
+    std::fs::write(&halves[1], format!("{header}\n{}\n", second.join("\n"))).unwrap();
+
+    let files = format!("--model {model} --data {} --data {}", halves[0], halves[1]);
+    let answer: Value = serde_json::from_slice(&krait(&format!("lab diagnose {files} --json")).stdout).unwrap();
+    let promised = answer["final_heldout_rms_deg"].as_f64().unwrap();
+    let offset_deg = answer["camera_offsets"][1]["offset_deg"][0].as_f64().unwrap_or_else(|| panic!("{answer}"));
+    assert!((offset_deg - 0.8).abs() < 0.1 && answer["camera_offsets"][0]["offset_deg"] == serde_json::json!([]));
+
+    let said = String::from_utf8(krait(&format!("lab diagnose {files}")).stdout).unwrap();
+    assert!(said.contains("stood otherwise than in"), "{said}");
+    let next = said.lines().find_map(|line| line.strip_prefix("Next: krait ")).unwrap();
+    let (_, words) = next.split_once("--camera-offset ").unwrap_or_else(|| panic!("{next}"));
+    let second = words.split_once("--camera-offset ").unwrap().1.split(' ').next().unwrap();
+    assert!(words.starts_with("0 "), "{next}");
+    let added = krait(next);
+    assert!(added.status.success(), "{}", String::from_utf8_lossy(&added.stderr));
+    let better = next.rsplit(' ').next().unwrap();
+    let data = format!("--model {better} --data {} --data {}", halves[0], halves[1]);
+    let left = error_deg(&format!("lab compare {data} --camera-offset 0 --camera-offset {second} --json"));
+    assert!(left < 1.02 * promised, "{left} deg, promised {promised}");
+    let without = error_deg(&format!("lab compare {data} --json"));
+    assert!(without > 1.2 * left, "{without} deg by one camera, {left} by its own");
 }

@@ -9,7 +9,7 @@ use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FormulaTerm, FoundEffect, LoadCell, capital, diagnose};
 use krait_lab::experiment::{Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
-use krait_lab::{ClockOffset, Names, Offered, Session, drawn_away, offered, open_model};
+use krait_lab::{CameraOffset, ClockOffset, Names, Offered, Session, drawn_away, offered, open_model};
 use krait_model::effects::explanation;
 use krait_model::model_file::Machine;
 use krait_report::Table;
@@ -33,8 +33,12 @@ pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
     };
     let mut diagnosis = diagnose(session.machine.as_ref(), &session.data, &options)?;
     diagnosis.cautions.extend(drawn_away(&session.file, &diagnosis.calibration));
-    // Pictures and the commands that come next are of the measurements where their clock was found to have them.
+    // Pictures and the commands that come next are of the measurements where their camera and clock were found to have them.
     let mut args = args.clone();
+    if !diagnosis.cameras.is_empty() {
+        session = session.by_cameras(&diagnosis.cameras)?;
+        args.files.camera_offset = of_both(&args.files.camera_offset, &diagnosis.cameras);
+    }
     if !diagnosis.clocks.is_empty() {
         session = session.by_clocks(&diagnosis.clocks)?;
         args.files.clock = together(&args.files.clock, &diagnosis.clocks);
@@ -64,6 +68,12 @@ fn formulas(args: &DiagnoseArgs, session: &Session) -> anyhow::Result<Vec<Offere
 fn together(said: &[ClockOffset], found: &[ClockOffset]) -> Vec<ClockOffset> {
     let said = |k: usize| said.get(k).or(said.first()).copied().unwrap_or_default();
     found.iter().enumerate().map(|(k, own)| said(k).and(*own)).collect()
+}
+
+/// The cameras of the options with those that were found beside them.
+fn of_both(said: &[CameraOffset], found: &[CameraOffset]) -> Vec<CameraOffset> {
+    let said = |k: usize| said.get(k).cloned().unwrap_or_default();
+    found.iter().enumerate().map(|(k, own)| said(k).and(own)).collect()
 }
 
 /// Writes the motion, and tells the diagnosis what playing it would decide.

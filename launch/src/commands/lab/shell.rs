@@ -21,7 +21,8 @@ pub fn data_words(files: &LabFiles) -> String {
     let file = files.map_file.iter().map(|path| format!("--map-file {}", shell(path)));
     let with = files.with.iter().map(|path| format!("--with {}", shell(path)));
     let clock = files.clock.iter().map(|own| format!("--clock {}", own.words()));
-    data.chain(with).chain(clock).chain(maps).chain(file).collect::<Vec<_>>().join(" ")
+    let camera = files.camera_offset.iter().map(|own| format!("--camera-offset {}", own.words()));
+    data.chain(with).chain(camera).chain(clock).chain(maps).chain(file).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]
