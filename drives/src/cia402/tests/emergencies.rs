@@ -131,6 +131,40 @@ fn the_emergency_of_a_second_drive_that_trips_is_said_though_the_first_failure_a
     assert!(lines.iter().any(|line| line.contains("drive 2 (id 2) sent an emergency (code 0x4310)")), "{lines:?}");
 }
 
+#[test]
+fn who_had_failed_before_the_bus_was_opened_is_named_with_its_code_and_an_enable_resets_it() {
+    type Lacks = &'static [u16];
+    let cases: [(u16, Lacks, &str); 4] = [
+        (0x2310, &[], "error code 2310h (object 603F), so it reports too much current, error register 01h (1001); "),
+        (
+            0x9000,
+            &[0x1001],
+            "error code 9000h (object 603F), so it reports an external error, as an emergency stop is; ",
+        ),
+        (0x2310, &[0x603F], "it tells no error code (object 603F), error register 01h (1001); "),
+        (0x2310, &[0x603F, 0x1001], "it tells no error code (object 603F); "),
+    ];
+    for (code, lacks, words) in cases {
+        said();
+        let (bus, config) = three();
+        bus.lock().with(1, |drive, out| drive.trip(code, out));
+        for index in lacks {
+            bus.lock().drives[1].remove_object(*index, 0);
+        }
+        let mut bench = Bench::with((bus, config));
+        let begin = "drive 2 (id 2) had failed before its bus was opened: ";
+        let expected = format!("{begin}{words}an enable resets that, so check first why it failed");
+        let lines: Vec<String> = said().into_iter().filter(|line| line.contains("had failed")).collect();
+        assert_eq!(lines, [expected]);
+        assert_eq!(bench.states(), [State::SwitchOnDisabled, State::Fault, State::SwitchOnDisabled]);
+        // Without power nothing is reset, and it is said once.
+        bench.steps(10);
+        assert_eq!(bench.states()[1], State::Fault);
+        bench.power_up();
+        assert!(!said().iter().any(|line| line.contains("had failed")));
+    }
+}
+
 /// A warning that is over is no reason of what comes later; the code of a failure stays its reason, also when the error is over.
 #[test]
 fn a_warning_that_is_over_names_no_later_stop_and_a_failure_keeps_its_code() {
