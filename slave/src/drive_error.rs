@@ -99,6 +99,16 @@ pub enum DriveError {
     },
 }
 
+/// An actuator's own number as its manual has it: codes of CAN drives in hex, such as 2310h, those of servos, one byte, as they are.
+struct Code(u32);
+
+impl fmt::Display for Code {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(code) = *self;
+        if code > 0xFF { write!(f, "{code:04X}h") } else { write!(f, "{code}") }
+    }
+}
+
 /// A failure in words, which say what became of the power.
 struct Said {
     error: DriveError,
@@ -127,13 +137,18 @@ impl fmt::Display for Said {
                 "Drive {actuator} failed; {others}: it has not answered for {silent_ms:.1} ms; check its cable and power, {AGAIN}"
             ),
             DriveError::Tripped { actuator, code, meaning } => {
-                write!(f, "Drive {actuator} failed; {others}: it reports {meaning} (code {code}); mend that, {AGAIN}")
+                write!(
+                    f,
+                    "Drive {actuator} failed; {others}: it reports {meaning} (code {}); mend that, {AGAIN}",
+                    Code(code)
+                )
             }
             DriveError::HardwareStop { actuator, code } => {
                 let powered = either("drives that have power hold", "power was taken from all");
                 write!(
                     f,
-                    "Drive {actuator} was switched off by hardware (code {code}), as by an emergency stop, a safe-torque-off or an enable input; {powered}; release it, {AGAIN}"
+                    "Drive {actuator} was switched off by hardware (code {}), as by an emergency stop, a safe-torque-off or an enable input; {powered}; release it, {AGAIN}",
+                    Code(code)
                 )
             }
             DriveError::Limp { actuator } => write!(
@@ -225,6 +240,24 @@ mod tests {
             assert!(failure.sentence(true).contains("hold") && failure.sentence(true) == failure.to_string());
             let without = failure.sentence(false);
             assert!(without.contains("power") && !without.contains("hold"), "{without}");
+        }
+    }
+
+    #[test]
+    fn codes_are_said_as_manuals_have_them() {
+        for (code, words) in [
+            (0x2310, "(code 2310h)"),
+            (0xFF01, "(code FF01h)"),
+            (0x1000, "(code 1000h)"),
+            (4, "(code 4)"),
+            (255, "(code 255)"),
+        ] {
+            let sentence = DriveError::Tripped { actuator: 2, code, meaning: "too much current" }.to_string();
+            assert!(sentence.contains(words), "{sentence}");
+        }
+        for (code, words) in [(0x9000, "(code 9000h)"), (0, "(code 0)")] {
+            let sentence = DriveError::HardwareStop { actuator: 2, code }.to_string();
+            assert!(sentence.contains(words), "{sentence}");
         }
     }
 

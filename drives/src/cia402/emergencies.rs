@@ -42,7 +42,7 @@ pub(crate) fn sentence(actuator: usize, id: u8, code: u16, is_last: bool) -> Str
     let further =
         if is_last { "; further codes of this drive are not said until power is switched on anew" } else { "" };
     format!(
-        "drive {actuator} (id {id}) sent an emergency (code {code:#06x}): it reports {what}; an emergency alone stops nothing, so look whether the drive is sound before it moves on{further}"
+        "drive {actuator} (id {id}) sent an emergency (code {code:04X}h): it reports {what}; an emergency alone stops nothing, so look whether the drive is sound before it moves on{further}"
     )
 }
 

@@ -71,10 +71,10 @@ fn an_emergency_without_a_failure_stops_nothing_and_each_code_is_said_once_until
     bench.go(20);
     assert_eq!(said(), [""; 0]);
     for (code, words) in [
-        (0x4210, "(code 0x4210): it reports that it is too hot"),
-        (0x3220, "(code 0x3220): it reports a supply voltage out of its range"),
-        (0x9000, "(code 0x9000): it reports an external error"),
-        (0xFF01, "(code 0xff01): it reports a failure of its own"),
+        (0x4210, "(code 4210h): it reports that it is too hot"),
+        (0x3220, "(code 3220h): it reports a supply voltage out of its range"),
+        (0x9000, "(code 9000h): it reports an external error"),
+        (0xFF01, "(code FF01h): it reports a failure of its own"),
     ] {
         // Again and again, and that it is over between: as at a threshold.
         for _ in 0..20 {
@@ -109,7 +109,7 @@ fn a_drive_with_ever_new_codes_does_not_fill_the_log_and_the_last_line_says_so()
     let lines = said();
     assert_eq!(lines.len(), 8, "{lines:?}");
     for (code, line) in (0x5000..).zip(&lines) {
-        assert!(line.contains(&format!("(code {code:#06x})")), "{line}");
+        assert!(line.contains(&format!("(code {code:04X}h)")), "{line}");
     }
     let says_so = |line: &String| line.ends_with("are not said until power is switched on anew");
     assert!(says_so(&lines[7]) && !lines[..7].iter().any(says_so), "{lines:?}");
@@ -128,7 +128,7 @@ fn the_emergency_of_a_second_drive_that_trips_is_said_though_the_first_failure_a
     let failure = bench.report().failure.and_then(|failure| failure.actuator());
     assert_eq!(failure, Some(1));
     let lines = said();
-    assert!(lines.iter().any(|line| line.contains("drive 2 (id 2) sent an emergency (code 0x4310)")), "{lines:?}");
+    assert!(lines.iter().any(|line| line.contains("drive 2 (id 2) sent an emergency (code 4310h)")), "{lines:?}");
 }
 
 #[test]
