@@ -38,6 +38,11 @@ pub enum DriveError {
         /// How long, ms.
         silent_ms: f64,
     },
+    /// An actuator answers, but knows another goal than it was told.
+    OtherGoal {
+        /// Which, from 1.
+        actuator: usize,
+    },
     /// An actuator reports a failure.
     Tripped {
         /// Which, from 1.
@@ -136,6 +141,10 @@ impl fmt::Display for Said {
                 f,
                 "Drive {actuator} failed; {others}: it has not answered for {silent_ms:.1} ms; check its cable and power, {AGAIN}"
             ),
+            DriveError::OtherGoal { actuator } => write!(
+                f,
+                "Drive {actuator} failed; {others}: it answers, but knows another goal than it was told, so somebody else speaks on its bus, or goals are lost on their way; end other programs on that bus, check its cable, {AGAIN}"
+            ),
             DriveError::Tripped { actuator, code, meaning } => {
                 write!(
                     f,
@@ -210,6 +219,7 @@ impl DriveError {
             Self::NotFinite { actuator, .. }
             | Self::OutOfTravel { actuator, .. }
             | Self::Lost { actuator, .. }
+            | Self::OtherGoal { actuator }
             | Self::Tripped { actuator, .. }
             | Self::HardwareStop { actuator, .. }
             | Self::Limp { actuator }
@@ -229,6 +239,7 @@ mod tests {
     fn where_a_fault_takes_the_power_no_sentence_says_that_anybody_holds() {
         for failure in [
             DriveError::Lost { actuator: 2, silent_ms: 15.0 },
+            DriveError::OtherGoal { actuator: 2 },
             DriveError::Tripped { actuator: 2, code: 4, meaning: "that it is too hot" },
             DriveError::HardwareStop { actuator: 2, code: 0 },
             DriveError::Limp { actuator: 2 },
