@@ -157,3 +157,21 @@ fn trouble(error: u8) -> Trouble {
     };
     Trouble::Tripped { code: error.into(), meaning }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use krait_slave::ActuatorConfig;
+
+    #[test]
+    fn a_limit_that_a_servo_bounds_by_its_own_counts_as_told_and_any_other_does_not() {
+        let actuator = vec![ActuatorConfig { torque_limit: 0.5, ..ActuatorConfig::default() }; 2];
+        let mut who = vec![vec![0; WHO.n]; 2];
+        for (data, most) in who.iter_mut().zip([1000_u16, 300]) {
+            data[MOST_TORQUE..MOST_TORQUE + 2].copy_from_slice(&most.to_le_bytes());
+        }
+        let limits = Limits::of(&who, &DriveConfig { actuator, ..DriveConfig::default() });
+        assert_eq!([0, 300, 499, 500, 1000].map(|limit| limits.has(0, limit)), [false, false, false, true, false]);
+        assert_eq!([0, 300, 499, 500, 1000].map(|limit| limits.has(1, limit)), [false, true, false, true, false]);
+    }
+}
