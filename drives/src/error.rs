@@ -335,6 +335,11 @@ pub enum OpenError {
         /// Where zero is.
         zero_count: i32,
     },
+    /// Homing needs power, and a dry run gives none.
+    #[error(
+        "[slave.drive] mode = \"dry\": drives with is_absolute = false are told their zero under power for a moment, and a dry run gives none; set it to \"live\" for `krait drives --zero`"
+    )]
+    HomesDry,
     /// Homing failed.
     #[error(
         "actuator {actuator} (id {id}) was not homed where it stands (method 37), its status word is {status:#06X}; see its manual for homing without motion"

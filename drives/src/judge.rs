@@ -1,4 +1,4 @@
-//! Judges each actuator after each cycle: silent, tripped, limp, started anew, leapt.
+//! Judges each actuator after each cycle: silent, deaf to its goals, tripped, limp, started anew, leapt.
 //!
 //! A missing answer or two mean nothing; what led to it is no evidence of anything but which actuator it was. A failure stays
 //! until power is switched anew, whatever comes back.
@@ -15,6 +15,8 @@ pub(crate) struct Judge {
     lost_cycles: u32,
     leap_counts: i32,
     n_missing: PerActuator<u32>,
+    /// Cycles of these, without one of silence since, in which it answered and knew another goal.
+    n_other: PerActuator<u32>,
     /// Where each was when it last answered; none: not known since power was switched.
     counts: PerActuator<Option<i32>>,
     answered_ns: PerActuator<i64>,
@@ -38,6 +40,7 @@ impl Judge {
             lost_cycles,
             leap_counts,
             n_missing: [0; MAX_ACTUATORS],
+            n_other: [0; MAX_ACTUATORS],
             counts: [None; MAX_ACTUATORS],
             answered_ns: [now_ns; MAX_ACTUATORS],
             n_boots: [0; MAX_ACTUATORS],
@@ -47,7 +50,7 @@ impl Judge {
     /// Power is switched anew: what failed before is forgiven, and whatever moved meanwhile has not leapt.
     pub(crate) fn begin(&mut self, seen: &Seen) {
         self.n_boots = seen.n_boots;
-        self.n_missing = [0; MAX_ACTUATORS];
+        (self.n_missing, self.n_other) = ([0; MAX_ACTUATORS], [0; MAX_ACTUATORS]);
         self.counts = [None; MAX_ACTUATORS];
     }
 
@@ -97,22 +100,32 @@ impl Judge {
         }
         // Who is being configured answers nothing yet; how long that may take is the bus's business.
         if seen.is_busy[k] && !is_driven {
-            self.n_missing[k] = 0;
+            (self.n_missing[k], self.n_other[k]) = (0, 0);
             return None;
         }
-        // An answer that knows another goal than the one just sent is an answer to an earlier question.
+        // An answer that knows another goal than the one just sent answers an earlier question, or the goal was lost.
         let in_step = seen.has_answered[k] && told.is_none_or(|told| told[k] == seen.goal_counts[k]);
         if !in_step {
             self.n_missing[k] += 1;
-            let silent_ms = now_ns.saturating_sub(self.answered_ns[k]) as f64 * 1e-6;
+            self.n_other[k] = if seen.has_answered[k] { self.n_other[k] + 1 } else { 0 };
             let is_lost = self.n_missing[k] >= self.lost_cycles;
-            return is_lost.then_some(Finding::Known(DriveError::Lost { actuator, silent_ms }));
+            return is_lost.then_some(Finding::Known(self.lost(k, now_ns)));
         }
-        (self.n_missing[k], self.answered_ns[k]) = (0, now_ns);
+        (self.n_missing[k], self.n_other[k], self.answered_ns[k]) = (0, 0, now_ns);
         let before = self.counts[k].replace(seen.counts[k]).filter(|_| phase != Phase::Off)?;
         let counts = i64::from(seen.counts[k]) - i64::from(before);
         (counts.unsigned_abs() > u64::from(self.leap_counts.unsigned_abs()))
             .then_some(Finding::Leapt { actuator, counts })
+    }
+
+    /// Why an actuator is not in step: it is silent, or it answers and knows another goal.
+    fn lost(&self, k: usize, now_ns: i64) -> DriveError {
+        let actuator = k + 1;
+        if self.n_other[k] >= self.lost_cycles {
+            return DriveError::OtherGoal { actuator };
+        }
+        let silent_ms = now_ns.saturating_sub(self.answered_ns[k]) as f64 * 1e-6;
+        DriveError::Lost { actuator, silent_ms }
     }
 
     /// What an actuator is doing, as far as is known.

@@ -38,6 +38,11 @@ pub enum DriveError {
         /// How long, ms.
         silent_ms: f64,
     },
+    /// An actuator answers, but knows another goal than it was told.
+    OtherGoal {
+        /// Which, from 1.
+        actuator: usize,
+    },
     /// An actuator reports a failure.
     Tripped {
         /// Which, from 1.
@@ -99,6 +104,16 @@ pub enum DriveError {
     },
 }
 
+/// An actuator's own number as its manual has it: codes of CAN drives in hex, such as 2310h, those of servos, one byte, as they are.
+struct Code(u32);
+
+impl fmt::Display for Code {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(code) = *self;
+        if code > 0xFF { write!(f, "{code:04X}h") } else { write!(f, "{code}") }
+    }
+}
+
 /// A failure in words, which say what became of the power.
 struct Said {
     error: DriveError,
@@ -126,14 +141,23 @@ impl fmt::Display for Said {
                 f,
                 "Drive {actuator} failed; {others}: it has not answered for {silent_ms:.1} ms; check its cable and power, {AGAIN}"
             ),
+            DriveError::OtherGoal { actuator } => write!(
+                f,
+                "Drive {actuator} failed; {others}: it answers, but knows another goal than it was told, so somebody else speaks on its bus, or goals are lost on their way; end other programs on that bus, check its cable, {AGAIN}"
+            ),
             DriveError::Tripped { actuator, code, meaning } => {
-                write!(f, "Drive {actuator} failed; {others}: it reports {meaning} (code {code}); mend that, {AGAIN}")
+                write!(
+                    f,
+                    "Drive {actuator} failed; {others}: it reports {meaning} (code {}); mend that, {AGAIN}",
+                    Code(code)
+                )
             }
             DriveError::HardwareStop { actuator, code } => {
                 let powered = either("drives that have power hold", "power was taken from all");
                 write!(
                     f,
-                    "Drive {actuator} was switched off by hardware (code {code}), as by an emergency stop, a safe-torque-off or an enable input; {powered}; release it, {AGAIN}"
+                    "Drive {actuator} was switched off by hardware (code {}), as by an emergency stop, a safe-torque-off or an enable input; {powered}; release it, {AGAIN}",
+                    Code(code)
                 )
             }
             DriveError::Limp { actuator } => write!(
@@ -195,6 +219,7 @@ impl DriveError {
             Self::NotFinite { actuator, .. }
             | Self::OutOfTravel { actuator, .. }
             | Self::Lost { actuator, .. }
+            | Self::OtherGoal { actuator }
             | Self::Tripped { actuator, .. }
             | Self::HardwareStop { actuator, .. }
             | Self::Limp { actuator }
@@ -214,6 +239,7 @@ mod tests {
     fn where_a_fault_takes_the_power_no_sentence_says_that_anybody_holds() {
         for failure in [
             DriveError::Lost { actuator: 2, silent_ms: 15.0 },
+            DriveError::OtherGoal { actuator: 2 },
             DriveError::Tripped { actuator: 2, code: 4, meaning: "that it is too hot" },
             DriveError::HardwareStop { actuator: 2, code: 0 },
             DriveError::Limp { actuator: 2 },
@@ -225,6 +251,24 @@ mod tests {
             assert!(failure.sentence(true).contains("hold") && failure.sentence(true) == failure.to_string());
             let without = failure.sentence(false);
             assert!(without.contains("power") && !without.contains("hold"), "{without}");
+        }
+    }
+
+    #[test]
+    fn codes_are_said_as_manuals_have_them() {
+        for (code, words) in [
+            (0x2310, "(code 2310h)"),
+            (0xFF01, "(code FF01h)"),
+            (0x1000, "(code 1000h)"),
+            (4, "(code 4)"),
+            (255, "(code 255)"),
+        ] {
+            let sentence = DriveError::Tripped { actuator: 2, code, meaning: "too much current" }.to_string();
+            assert!(sentence.contains(words), "{sentence}");
+        }
+        for (code, words) in [(0x9000, "(code 9000h)"), (0, "(code 0)")] {
+            let sentence = DriveError::HardwareStop { actuator: 2, code }.to_string();
+            assert!(sentence.contains(words), "{sentence}");
         }
     }
 

@@ -438,6 +438,11 @@ fn can_drives_that_cannot_be_had_are_refused_in_one_sentence() {
         (format!("{there}{three}"), &["run", "--engage"], "actuator 1 has no zero_count"),
         (format!("{there}{zeroed}"), &["run", "--engage"], "no CAN interface \"can77\""),
         (format!("{there}{zeroed}"), &["drives", "--zero"], "no CAN interface \"can77\""),
+        (
+            format!("mode = \"dry\"\n{there}{zeroed}"),
+            &["drives", "--zero"],
+            "set it to \"live\" for `krait drives --zero`",
+        ),
         (format!("{there}{zeroed}"), &["drives", "--jog", "1"], "no CAN interface \"can77\""),
         (format!("{there}{zeroed}"), &["drives"], "no CAN interface \"can77\""),
         (String::new(), &["drives", "--interface", "lo"], "lo is no CAN interface"),

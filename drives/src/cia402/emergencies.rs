@@ -38,10 +38,27 @@ impl Emergencies {
 
 /// What the log says of a code of a drive, counted from 1.
 pub(crate) fn sentence(actuator: usize, id: u8, code: u16, is_last: bool) -> String {
-    let what = if is_external(code) { "an external error, as an emergency stop is" } else { meaning(code) };
+    let what = what(code);
     let further =
         if is_last { "; further codes of this drive are not said until power is switched on anew" } else { "" };
     format!(
-        "drive {actuator} (id {id}) sent an emergency (code {code:#06x}): it reports {what}; an emergency alone stops nothing, so look whether the drive is sound before it moves on{further}"
+        "drive {actuator} (id {id}) sent an emergency (code {code:04X}h): it reports {what}; an emergency alone stops nothing, so look whether the drive is sound before it moves on{further}"
     )
+}
+
+/// What the log says of a drive that had failed before anybody opened its bus, with its objects 603F and 1001 where it has them.
+pub(crate) fn found_failed(actuator: usize, id: u8, code: Option<u32>, register: Option<u32>) -> String {
+    // Some drives have two bytes of their own above the code.
+    let said = match code.map(|code| code as u16).filter(|code| *code != 0) {
+        Some(code) => format!("error code {code:04X}h (object 603F), so it reports {}", what(code)),
+        None => "it tells no error code (object 603F)".to_owned(),
+    };
+    let register = register.map(|register| format!(", error register {register:02X}h (1001)")).unwrap_or_default();
+    format!(
+        "drive {actuator} (id {id}) had failed before its bus was opened: {said}{register}; an enable resets that, so check first why it failed"
+    )
+}
+
+fn what(code: u16) -> &'static str {
+    if is_external(code) { "an external error, as an emergency stop is" } else { meaning(code) }
 }

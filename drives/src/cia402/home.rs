@@ -10,7 +10,7 @@ use super::wire::Wire;
 use super::{Cia402, sdo};
 use crate::bus::{ActuatorBus, Seen};
 use crate::error::OpenError;
-use krait_slave::SlaveConfig;
+use krait_slave::{DriveMode, SlaveConfig};
 
 /// How long each part may take, ns.
 const PATIENCE_NS: i64 = 5_000_000_000;
@@ -20,16 +20,26 @@ const NEAR_COUNTS: u32 = 50;
 /// Makes `zero_count` of each drive what it reads where it stands now; the power is off again afterwards.
 ///
 /// # Errors
-/// [`OpenError`].
+/// [`OpenError`]; in a dry run before the bus is touched.
 pub fn home_here(config: &SlaveConfig) -> Result<(), OpenError> {
+    may_have_power(config)?;
     setup(config)?;
     let (mut bus, mut seen) = Cia402::open(config, CanPort::open(interface(&config.drive)?)?)?;
     bus.home(config, &mut seen)
 }
 
+/// A dry run gives no power, not for a moment either.
+fn may_have_power(config: &SlaveConfig) -> Result<(), OpenError> {
+    match config.drive.mode {
+        DriveMode::Live => Ok(()),
+        DriveMode::Dry => Err(OpenError::HomesDry),
+    }
+}
+
 impl<W: Wire> Cia402<W> {
     /// Homes all drives where they stand.
     pub(crate) fn home(&mut self, config: &SlaveConfig, seen: &mut Seen) -> Result<(), OpenError> {
+        may_have_power(config)?;
         let zeros: Vec<i32> = config.drive.actuator.iter().map(|actuator| actuator.zero_count.unwrap_or(0)).collect();
         for (k, zero) in zeros.iter().enumerate() {
             self.set(k, HOMING_METHOD, METHOD_HERE, 1)?;

@@ -3,9 +3,11 @@
 use super::frame::bits;
 use super::node::{Node, Order, Refusal};
 use super::port::CanPort;
-use super::steps::{DEVICE_TYPE, PRODUCT, VENDOR, steps};
+use super::scan::value;
+use super::states::is_failed;
+use super::steps::{DEVICE_TYPE, ERROR_CODE, ERROR_REGISTER, PRODUCT, VENDOR, steps};
 use super::wire::Wire;
-use super::{Cia402, sdo};
+use super::{Cia402, emergencies, sdo};
 use crate::bus::{ActuatorBus, Goals, Seen};
 use crate::error::OpenError;
 use crate::{BusDrive, BusSetup, Units};
@@ -84,12 +86,32 @@ impl<W: Wire> Cia402<W> {
             let due_ns = bus.wire.now_ns() + (config.drive.period_ms * 1e6) as i64;
             bus.ask(&mut seen)?;
             if seen.has_answered.iter().take(bus.nodes.len()).all(|answered| *answered) {
+                bus.name_failed()?;
                 return Ok((bus, seen));
             }
             bus.pass(due_ns)?;
         }
         let silent = seen.has_answered.iter().position(|answered| !answered).unwrap_or(0);
         Err(OpenError::NoCycle { actuator: silent + 1, id: bus.nodes[silent].id })
+    }
+
+    /// Names who had failed before: the first enable resets that, and then nobody could tell why.
+    fn name_failed(&mut self) -> Result<(), OpenError> {
+        for k in 0..self.nodes.len() {
+            if !is_failed(self.nodes[k].status) {
+                continue;
+            }
+            let id = self.nodes[k].id;
+            let [code, register] = [self.value(id, ERROR_CODE)?, self.value(id, ERROR_REGISTER)?];
+            tracing::warn!("{}", emergencies::found_failed(k + 1, id, code, register));
+        }
+        Ok(())
+    }
+
+    /// An object's value; none: the drive lacks it, or does not answer.
+    fn value(&mut self, id: u8, place: sdo::Place) -> Result<Option<u32>, OpenError> {
+        self.beat_if_due(self.wire.now_ns())?;
+        value(&mut self.wire, id, place)
     }
 
     fn on(config: &SlaveConfig, wire: W) -> Result<Self, OpenError> {

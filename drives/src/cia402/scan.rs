@@ -84,7 +84,8 @@ impl CanReading {
     }
 }
 
-fn value<W: Wire>(wire: &mut W, id: u8, place: Place) -> Result<Option<u32>, OpenError> {
+/// An object's value; `None`: the node lacks it, or does not answer.
+pub(super) fn value<W: Wire>(wire: &mut W, id: u8, place: Place) -> Result<Option<u32>, OpenError> {
     Ok(match ask(wire, id, place, &upload(id, place))? {
         Some(Reply::Value(value)) => Some(value),
         _ => None,

@@ -16,6 +16,9 @@ pub(crate) const PROFILE: u32 = 402;
 pub(crate) const VENDOR: Place = (0x1018, 1);
 pub(crate) const PRODUCT: Place = (0x1018, 2);
 pub(crate) const SERIAL: Place = (0x1018, 4);
+/// Why a drive has failed, and of which kind that is.
+pub(crate) const ERROR_CODE: Place = (0x603F, 0);
+pub(crate) const ERROR_REGISTER: Place = (0x1001, 0);
 /// Mode of operation: 8 cyclic synchronous position, 6 homing.
 pub(crate) const MODE: Place = (0x6060, 0);
 pub(crate) const MODE_CSP: u32 = 8;

@@ -22,6 +22,8 @@ struct Truth {
     is_on: bool,
     counts: PerActuator<i32>,
     is_silent: PerActuator<bool>,
+    /// It answers, and was told another goal by somebody else.
+    knows_other: PerActuator<bool>,
     is_gone: bool,
     /// How often it was to come back.
     n_reopened: u32,
@@ -52,7 +54,8 @@ impl ActuatorBus for Ideal {
         }
         seen.has_answered = truth.is_silent.map(|silent| !silent);
         for k in (0..MAX_ACTUATORS).filter(|k| !truth.is_silent[*k]) {
-            (seen.counts[k], seen.goal_counts[k]) = (truth.counts[k], truth.counts[k]);
+            let other = i32::from(truth.knows_other[k]);
+            (seen.counts[k], seen.goal_counts[k]) = (truth.counts[k], truth.counts[k] + other);
             (seen.is_powered[k], seen.current_a[k]) = (truth.is_on, truth.current_a[k]);
             seen.has_let_go[k] = truth.is_limp[k];
             seen.trouble[k] = if truth.is_limp[k] { Trouble::Limp } else { Trouble::None };
@@ -193,6 +196,32 @@ fn one_that_is_lost_is_known_after_three_cycles_and_all_brake_by_one_factor_and_
     bench.go(20);
     assert_eq!(bench.cycles.goal_m, rest, "nothing resumes by itself, though it answers again");
     assert!(bench.truth.lock().unwrap().is_on, "under power");
+}
+
+#[test]
+fn one_that_answers_and_knows_another_goal_is_not_called_silent() {
+    let mut bench = Bench::new();
+    bench.go(20);
+    bench.truth.lock().unwrap().knows_other[1] = true;
+    bench.go(2);
+    assert_eq!(bench.report().failure, None, "two lost goals mean nothing");
+    bench.go(1);
+    let report = bench.report();
+    assert_eq!(report.failure, Some(DriveError::OtherGoal { actuator: 2 }));
+    assert_eq!(report.state[..3], [ActuatorState::QuickStopped, ActuatorState::Lost, ActuatorState::QuickStopped]);
+    // Where one of the cycles was silent, it is silence: that says more of a cable.
+    for silent in 0..3 {
+        let mut bench = Bench::new();
+        bench.go(20);
+        for cycle in 0..3 {
+            let mut truth = bench.truth.lock().unwrap();
+            (truth.is_silent[1], truth.knows_other[1]) = (cycle == silent, cycle != silent);
+            drop(truth);
+            bench.go(1);
+        }
+        let failure = bench.report().failure;
+        assert_eq!(failure, Some(DriveError::Lost { actuator: 2, silent_ms: 15.0 }), "silent in cycle {silent}");
+    }
 }
 
 #[test]

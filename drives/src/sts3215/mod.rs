@@ -1,5 +1,8 @@
 //! Feetech STS3215 servos: what their registers are.
 //!
+//! Nobody acknowledges what all are told, so each answer has the limit of the torque: until it is as it was told, a servo counts as
+//! unguarded, and nothing begins to move.
+//!
 //! Source: the maker's memory table of the STS3215 (registers, units) and communication protocol manual.
 
 mod identity;
@@ -32,17 +35,41 @@ pub(crate) const STATUS: Block = Block { address: TORQUE_ENABLE, n: 31 };
 /// Step of the present current, A.
 pub(crate) const CURRENT_STEP_A: f64 = 6.5e-3;
 
+/// Largest torque that the servo keeps without power, per mille.
+const MOST_TORQUE: usize = 16;
+
 /// What is remembered of them.
 #[derive(Debug, Default)]
 pub(crate) struct Sts3215 {
-    torque_limits: PerActuator<u16>,
+    /// None: they are only read.
+    limits: Option<Limits>,
+}
+
+/// Limits of the torque, per mille.
+#[derive(Clone, Copy, Debug)]
+struct Limits {
+    told: PerActuator<u16>,
+    /// What a servo may make of it that bounds it by its own.
+    least: PerActuator<u16>,
+}
+
+impl Limits {
+    fn of(who: &[Vec<u8>], config: &DriveConfig) -> Self {
+        let told = core::array::from_fn(|k| {
+            config.actuator.get(k).map_or(0, |actuator| (actuator.torque_limit * 1000.0).round() as u16)
+        });
+        let own = |k: usize| who.get(k).map_or(u16::MAX, |data| word(data, MOST_TORQUE));
+        Self { told, least: core::array::from_fn(|k| told[k].min(own(k))) }
+    }
+
+    fn has(&self, k: usize, limit: u16) -> bool {
+        limit == self.told[k] || limit == self.least[k]
+    }
 }
 
 impl Servos for Sts3215 {
     fn identify(&mut self, _: &mut Line, who: &[Vec<u8>], config: &DriveConfig, _: Ask) -> Result<(), OpenError> {
-        self.torque_limits = core::array::from_fn(|k| {
-            config.actuator.get(k).map_or(0, |actuator| (actuator.torque_limit * 1000.0).round() as u16)
-        });
+        self.limits = Some(Limits::of(who, config));
         identity::check(who, config)
     }
 
@@ -53,7 +80,9 @@ impl Servos for Sts3215 {
     /// The goal before the power, so that nothing leaps when it comes; the torque limit, which a servo without power forgets.
     fn switch(&mut self, line: &mut Line, on: bool, goals: &Goals) -> Result<(), BusGone> {
         if on {
-            line.set(TORQUE_LIMIT, |k| self.torque_limits[k].to_le_bytes())?;
+            if let Some(Limits { told, .. }) = self.limits {
+                line.set(TORQUE_LIMIT, |k| told[k].to_le_bytes())?;
+            }
             self.tell(line, goals)?;
         }
         line.set(TORQUE_ENABLE, |_| [u8::from(on)])
@@ -64,8 +93,26 @@ impl Servos for Sts3215 {
         let now_ns = monotonic_ns();
         for (k, answer) in line.answers(STATUS.n) {
             take_status(k, &answer, now_ns, seen);
+            let limit = word(&answer.data, usize::from(TORQUE_LIMIT - STATUS.address));
+            let is_bounded = self.limits.is_none_or(|limits| limits.has(k, limit));
+            seen.is_unguarded[k] = seen.is_powered[k] && !is_bounded;
         }
-        if enough { Ok(()) } else { line.recover() }
+        if !enough {
+            line.recover()?;
+        }
+        self.tell_limits_again(line, seen)
+    }
+}
+
+impl Sts3215 {
+    /// Who answers with another limit of the torque than it was told hears it again.
+    fn tell_limits_again(&self, line: &mut Line, seen: &Seen) -> Result<(), BusGone> {
+        let Some(Limits { told, .. }) = self.limits else { return Ok(()) };
+        let is_to_be_told: PerActuator<bool> = core::array::from_fn(|k| seen.has_answered[k] && seen.is_unguarded[k]);
+        if is_to_be_told.contains(&true) {
+            line.set_of(|k| is_to_be_told[k], TORQUE_LIMIT, |k| told[k].to_le_bytes())?;
+        }
+        Ok(())
     }
 }
 
@@ -109,4 +156,22 @@ fn trouble(error: u8) -> Trouble {
         _ => SEVERAL,
     };
     Trouble::Tripped { code: error.into(), meaning }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use krait_slave::ActuatorConfig;
+
+    #[test]
+    fn a_limit_that_a_servo_bounds_by_its_own_counts_as_told_and_any_other_does_not() {
+        let actuator = vec![ActuatorConfig { torque_limit: 0.5, ..ActuatorConfig::default() }; 2];
+        let mut who = vec![vec![0; WHO.n]; 2];
+        for (data, most) in who.iter_mut().zip([1000_u16, 300]) {
+            data[MOST_TORQUE..MOST_TORQUE + 2].copy_from_slice(&most.to_le_bytes());
+        }
+        let limits = Limits::of(&who, &DriveConfig { actuator, ..DriveConfig::default() });
+        assert_eq!([0, 300, 499, 500, 1000].map(|limit| limits.has(0, limit)), [false, false, false, true, false]);
+        assert_eq!([0, 300, 499, 500, 1000].map(|limit| limits.has(1, limit)), [false, true, false, true, false]);
+    }
 }

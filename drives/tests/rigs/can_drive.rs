@@ -53,7 +53,7 @@ fn a_trip_is_told_to_the_slave_in_one_sentence_and_what_was_mended_goes_on_after
     until(&mut drive, |drive| drive.failure().is_some());
     let sentence = drive.failure().unwrap().to_string();
     assert!(
-        sentence.starts_with("Drive 2 failed; the others hold: it reports too much current (code 8976)"),
+        sentence.starts_with("Drive 2 failed; the others hold: it reports too much current (code 2310h)"),
         "{sentence}"
     );
     assert!(drive.write(monotonic_ns(), lines([1e-3, 0.0, 0.0])).is_err());

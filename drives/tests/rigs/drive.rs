@@ -69,7 +69,7 @@ fn whatever_becomes_of_one_the_others_hold_under_power_and_nothing_resumes_by_it
         type Case = (fn(&Emulator), &'static str, ActuatorState);
         let cases: [Case; 6] = [
             (|e| e.wire().servos[1].faults.is_silent = true, "not answered", ActuatorState::Lost),
-            (|e| e.wire().servos[1].faults.is_deaf = true, "not answered", ActuatorState::Lost),
+            (|e| e.wire().servos[1].faults.is_deaf = true, "knows another goal", ActuatorState::Lost),
             (
                 |e| {
                     let servo = &mut e.wire().servos[1];

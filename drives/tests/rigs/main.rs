@@ -11,6 +11,7 @@ mod cycles;
 mod disable_relax;
 mod drive;
 mod ends;
+mod guards;
 mod no_allocation;
 mod open;
 mod relax;

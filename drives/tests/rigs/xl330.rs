@@ -4,8 +4,8 @@ use crate::rig::{Rig, ZERO, config, three};
 use krait_drives::emulator::{Emulator, Servo};
 use krait_drives::{ActuatorBus, Goals, Seen, ServoBus, ServoMake, Trouble};
 use krait_ipc::clock::monotonic_ns;
-use krait_ipc::message::{ActuatorCycle, MAX_ACTUATORS};
-use krait_slave::{ActuatorState, Drive, DriveError, Switching, lines};
+use krait_ipc::message::MAX_ACTUATORS;
+use krait_slave::{Drive, lines};
 use std::time::Duration;
 
 /// What an XL330 that is told nothing for so long does, ms.
@@ -79,40 +79,6 @@ fn a_servo_that_has_lost_its_limit_of_torque_or_its_watchdog_is_told_again() {
             bus.ask(&mut seen).unwrap();
         }
         assert_eq!((bounds(&emulator), seen.is_powered[of]), (told.clone(), true), "{at}");
-    }
-}
-
-#[test]
-fn power_counts_as_there_only_under_the_limit_of_torque_and_the_watchdog_that_were_told() {
-    const GUARDS: [u8; 2] = [98, 100];
-    for at in GUARDS {
-        let mut rig = Rig::new(ServoMake::Xl330);
-        rig.emulator.wire().servos[1].faults.refuses = Some(at);
-        let mut states = Vec::new();
-        // As many cycles of the bus as would be enough by far.
-        for _ in 0..4 {
-            assert_eq!(rig.drive.set_power(monotonic_ns(), true), Ok(Switching::Busy), "register {at}");
-            states = rig.cycles(4).state[..3].to_vec();
-            let refused = rig.drive.write(monotonic_ns(), lines([1e-4; 3]));
-            assert_eq!(refused, Err(DriveError::NotPowered), "register {at}");
-        }
-        assert_eq!(states, [ActuatorState::On, ActuatorState::Switching, ActuatorState::On], "register {at}");
-        let is_unguarded = |rig: &mut Rig| {
-            let cycles: Vec<_> = core::iter::from_fn(|| rig.drive.next_cycle()).collect();
-            let last = cycles.last().unwrap();
-            core::array::from_fn(|k| last.actuators[k].has(ActuatorCycle::UNGUARDED))
-        };
-        assert_eq!(is_unguarded(&mut rig), [false, true, false], "register {at}");
-        // Powered and not moved: where each stands is where it was told to stay.
-        let places = |rig: &Rig| rig.emulator.wire().servos.iter().map(|servo| servo.place.round()).collect::<Vec<_>>();
-        assert_eq!(places(&rig), [2049.0, 2050.0, 2051.0], "register {at}");
-        rig.emulator.wire().servos[1].faults.refuses = None;
-        rig.power_up();
-        rig.cycles(2);
-        assert_eq!((is_unguarded(&mut rig), rig.drive.failure()), ([false; 3], None), "register {at}");
-        rig.drive.write(monotonic_ns(), lines([0.0; 3])).unwrap();
-        rig.cycles(8);
-        assert_eq!(rig.goals(), vec![ZERO; 3], "register {at}");
     }
 }
 

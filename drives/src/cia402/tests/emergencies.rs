@@ -71,10 +71,10 @@ fn an_emergency_without_a_failure_stops_nothing_and_each_code_is_said_once_until
     bench.go(20);
     assert_eq!(said(), [""; 0]);
     for (code, words) in [
-        (0x4210, "(code 0x4210): it reports that it is too hot"),
-        (0x3220, "(code 0x3220): it reports a supply voltage out of its range"),
-        (0x9000, "(code 0x9000): it reports an external error"),
-        (0xFF01, "(code 0xff01): it reports a failure of its own"),
+        (0x4210, "(code 4210h): it reports that it is too hot"),
+        (0x3220, "(code 3220h): it reports a supply voltage out of its range"),
+        (0x9000, "(code 9000h): it reports an external error"),
+        (0xFF01, "(code FF01h): it reports a failure of its own"),
     ] {
         // Again and again, and that it is over between: as at a threshold.
         for _ in 0..20 {
@@ -109,7 +109,7 @@ fn a_drive_with_ever_new_codes_does_not_fill_the_log_and_the_last_line_says_so()
     let lines = said();
     assert_eq!(lines.len(), 8, "{lines:?}");
     for (code, line) in (0x5000..).zip(&lines) {
-        assert!(line.contains(&format!("(code {code:#06x})")), "{line}");
+        assert!(line.contains(&format!("(code {code:04X}h)")), "{line}");
     }
     let says_so = |line: &String| line.ends_with("are not said until power is switched on anew");
     assert!(says_so(&lines[7]) && !lines[..7].iter().any(says_so), "{lines:?}");
@@ -128,7 +128,41 @@ fn the_emergency_of_a_second_drive_that_trips_is_said_though_the_first_failure_a
     let failure = bench.report().failure.and_then(|failure| failure.actuator());
     assert_eq!(failure, Some(1));
     let lines = said();
-    assert!(lines.iter().any(|line| line.contains("drive 2 (id 2) sent an emergency (code 0x4310)")), "{lines:?}");
+    assert!(lines.iter().any(|line| line.contains("drive 2 (id 2) sent an emergency (code 4310h)")), "{lines:?}");
+}
+
+#[test]
+fn who_had_failed_before_the_bus_was_opened_is_named_with_its_code_and_an_enable_resets_it() {
+    type Lacks = &'static [u16];
+    let cases: [(u16, Lacks, &str); 4] = [
+        (0x2310, &[], "error code 2310h (object 603F), so it reports too much current, error register 01h (1001); "),
+        (
+            0x9000,
+            &[0x1001],
+            "error code 9000h (object 603F), so it reports an external error, as an emergency stop is; ",
+        ),
+        (0x2310, &[0x603F], "it tells no error code (object 603F), error register 01h (1001); "),
+        (0x2310, &[0x603F, 0x1001], "it tells no error code (object 603F); "),
+    ];
+    for (code, lacks, words) in cases {
+        said();
+        let (bus, config) = three();
+        bus.lock().with(1, |drive, out| drive.trip(code, out));
+        for index in lacks {
+            bus.lock().drives[1].remove_object(*index, 0);
+        }
+        let mut bench = Bench::with((bus, config));
+        let begin = "drive 2 (id 2) had failed before its bus was opened: ";
+        let expected = format!("{begin}{words}an enable resets that, so check first why it failed");
+        let lines: Vec<String> = said().into_iter().filter(|line| line.contains("had failed")).collect();
+        assert_eq!(lines, [expected]);
+        assert_eq!(bench.states(), [State::SwitchOnDisabled, State::Fault, State::SwitchOnDisabled]);
+        // Without power nothing is reset, and it is said once.
+        bench.steps(10);
+        assert_eq!(bench.states()[1], State::Fault);
+        bench.power_up();
+        assert!(!said().iter().any(|line| line.contains("had failed")));
+    }
 }
 
 /// A warning that is over is no reason of what comes later; the code of a failure stays its reason, also when the error is over.

@@ -1,10 +1,10 @@
 //! What is said of drives and a bus that are not as they should be: one sentence, before anybody has power.
 
 use super::{ZERO, three};
-use crate::cia402::{Cia402, Frame, State, open, scan};
+use crate::cia402::{Cia402, Frame, State, home_here, open, scan};
 use crate::emulator::{CanBus, CanDrive, CanWire};
 use crate::{BusGone, Seen};
-use krait_slave::SlaveConfig;
+use krait_slave::{DriveMode, SlaveConfig};
 
 /// Opens a bus, or says why not; nobody gets power or a target.
 fn opened(bus: &CanBus, config: &SlaveConfig) -> Result<(Cia402<CanWire>, Seen), String> {
@@ -162,4 +162,21 @@ fn homing_where_they_stand_gives_the_zero_and_moves_nothing() {
     bus.lock().drives[1].remove_object(0x6098, 0);
     let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
     assert!(sentence.contains("actuator 2 (id 2) refuses object 6098:00"), "{sentence}");
+}
+
+#[test]
+fn in_a_dry_run_drives_are_not_homed_because_that_takes_power() {
+    let (bus, mut config) = three();
+    config.drive.mode = DriveMode::Dry;
+    let (mut can, mut seen) = opened(&bus, &config).unwrap();
+    let n_frames = bus.lock().n_frames;
+    let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
+    assert!(sentence.contains("mode = \"dry\"") && sentence.contains("set it to \"live\""), "{sentence}");
+    assert_eq!(bus.lock().n_frames, n_frames, "they were told nothing");
+    for drive in &bus.lock().drives {
+        assert_eq!((drive.state(), drive.n_targets, drive.object(0x6060, 0)), (State::SwitchOnDisabled, 0, 8));
+    }
+    // The same before the interface is opened: there is none of this name.
+    config.drive.interface = Some("no-such-can".to_owned());
+    assert_eq!(home_here(&config).unwrap_err().to_string(), sentence);
 }

@@ -4,7 +4,9 @@ use super::objects::{
     CONSUMER, CONTROL, Objects, POSITION, PRODUCER, QUICK_STOP_RAMP, RPDO_ID, RPDO_MAP, STATUS, TARGET, TORQUE,
     TPDO_ID, TPDO_MAP,
 };
-use crate::cia402::steps::{HOME_OFFSET, HOMING_METHOD, METHOD_HERE, MODE, MODE_CSP, MODE_HOMING};
+use crate::cia402::steps::{
+    ERROR_CODE, ERROR_REGISTER, HOME_OFFSET, HOMING_METHOD, METHOD_HERE, MODE, MODE_CSP, MODE_HOMING,
+};
 use crate::cia402::{
     FROM_DRIVE, Frame, HEARTBEAT, MASTER, OPERATIONAL, PRE_OPERATIONAL, SDO_FROM, SDO_TO, SYNC, State, TO_DRIVE, state,
 };
@@ -321,6 +323,9 @@ impl CanDrive {
         self.objects.put(POSITION, self.counts().cast_unsigned());
         self.objects.put(STATUS, u32::from(self.status_word()));
         self.objects.put(TORQUE, u32::from(self.torque().cast_unsigned()));
+        self.objects.put(ERROR_CODE, u32::from(self.error));
+        // Bit 0: any error.
+        self.objects.put(ERROR_REGISTER, u32::from(self.error != 0));
         self.objects.put(CONTROL, u32::from(self.control));
         self.objects.put(TARGET, self.target.cast_unsigned());
     }

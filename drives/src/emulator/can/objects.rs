@@ -1,6 +1,6 @@
 //! The objects of an emulated drive: what it lets be read and written, with lengths.
 
-use crate::cia402::steps::{HOME_OFFSET, HOMING_METHOD, MODE};
+use crate::cia402::steps::{ERROR_CODE, ERROR_REGISTER, HOME_OFFSET, HOMING_METHOD, MODE};
 use std::collections::BTreeMap;
 
 /// An object's place: index and sub-index.
@@ -43,6 +43,8 @@ impl Objects {
             (STATUS, 0x40, 2),
             (POSITION, 0, 4),
             (TORQUE, 0, 2),
+            (ERROR_CODE, 0, 2),
+            (ERROR_REGISTER, 0, 1),
             // Rated torque, mN m; bit 7: cyclic synchronous position, bit 5: homing.
             ((0x6076, 0), (1e3 * super::CanDrive::RATED_NM) as u32, 4),
             ((0x6502, 0), 0xA0, 4),

@@ -1,7 +1,8 @@
 //! The counts of the configured actuators where they stand now, as zeros of the configuration, which `--out` writes. Nothing moves, but actuators that look for
 //! their stop ([`super::homing`]).
 //!
-//! An incremental encoder on CAN has no such count: it is told that what the configuration says is where it stands.
+//! An incremental encoder on CAN has no such count: it is told that what the configuration says is where it stands, under power for a
+//! moment, which a dry run refuses.
 
 use super::numbers::{self, ZERO_COUNT};
 use super::{alone, homing, real};
