@@ -8,8 +8,8 @@ use krait_ipc::Reason;
 use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, SlaveState};
 use krait_schema::Sample;
 use krait_tests::{
-    Browser, BrowserPage, ChainScene, ChainSender, Console, Krait, TempFolder, bars_shown, instance_name, needs_shown,
-    next_of_kind, rewrite, wait_until,
+    Browser, BrowserPage, ChainScene, ChainSender, Console, Ended, Krait, TempFolder, bars_shown, instance_name,
+    needs_shown, next_of_kind, processes_of, rewrite, wait_until,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -314,4 +314,36 @@ fn press_verify(page: &mut BrowserPage) {
     page.value(
         "[...document.querySelectorAll('#recordings button')].find(button => button.textContent === 'Verify').click()",
     );
+}
+
+/// A console with another configuration than the chain beside it: what it cannot draw keeps no sentence from being said, and one of them
+/// is that.
+#[test]
+fn a_page_of_another_machine_says_so_and_goes_on_saying_what_holds_the_motion_back() {
+    const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
+    const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("another"), TempFolder::new("another"));
+    let config = folder.file("krait.toml");
+    std::fs::write(&config, "[resolve]\nmax_bend_rad = 0.7\n").expect("written");
+    let run = ["run", "--engage=again", "--master", "script", "--input", SCRIPT, "--model", WRIST, "--no-recording"];
+    let chain = Krait::start(&[&run[..], &["--instance", &instance]].concat());
+    let has_master = || processes_of(&instance).iter().any(|(name, _)| name == "master");
+    assert!(wait_until(PATIENCE, has_master), "{:?}", processes_of(&instance));
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--config", &config]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    let says = "[...document.querySelectorAll('#reasons span')].map(span => span.textContent)";
+    page.wait_for("it says so", &format!("{says}.includes('This page is of another machine.')"));
+    page.wait_for("it follows", "document.documentElement.dataset.shown === 'following'");
+    assert_eq!(too_wide(&mut page, &["This page is of another machine.".to_owned()]), json!([]), "in the banner");
+    let paused = Ended::of(&["state", "pause", "--instance", &instance], PATIENCE);
+    assert_eq!(paused.code, Some(0), "{}", paused.stderr);
+    page.wait_for(
+        "sentences follow the chain",
+        "document.getElementById('need-drives').textContent.includes('paused')",
+    );
+    for program in [krait, chain] {
+        program.signal(Signal::TERM);
+        program.end(PATIENCE);
+    }
 }

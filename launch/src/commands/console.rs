@@ -37,11 +37,12 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
             (bus, facts, None)
         }
         None => {
-            let config = Config::load(common.config.as_deref())?;
+            let bus = Bus::open(&common.instance, NAME)?;
+            let config = config_beside(&bus, common)?;
             let model = config.model()?;
             let wish = &args.viewers;
             let viewers = wish.foxglove.then(|| viewers_of(&config, &model, &wish.foxglove_origin)).transpose()?;
-            (Bus::open(&common.instance, NAME)?, facts_of(&common.instance, &config, &model)?, viewers)
+            (bus, facts_of(&common.instance, &config, &model)?, viewers)
         }
     };
     let announce = |address: &krait_console::Address| {
@@ -62,6 +63,14 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     };
     krait_console::run(bus, settings, facts, announce, &stop)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The configuration that the user names, else that of the chain that runs here, else the defaults.
+fn config_beside(bus: &Bus, common: &Common) -> anyhow::Result<Config> {
+    match &common.config {
+        Some(path) => Config::load(Some(path)),
+        None => Ok(supervisor::config_of_chain(bus)?.unwrap_or_default()),
+    }
 }
 
 /// What engineers' own viewers are served: the machine is drawn as in a recording.
