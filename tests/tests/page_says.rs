@@ -347,3 +347,38 @@ fn a_page_of_another_machine_says_so_and_goes_on_saying_what_holds_the_motion_ba
         program.end(PATIENCE);
     }
 }
+
+/// Lines may bear 60 N and the gripper's wire 15 N: half of each fills half of its bar, and the sentence has the limit of the one it is of.
+#[test]
+fn the_load_of_a_grippers_wire_is_shown_by_its_own_limit() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("wire"), TempFolder::new("wire"));
+    let config = folder.file("krait.toml");
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/gripper/snake.toml");
+    std::fs::write(&config, format!("model = \"{model}\"\n")).expect("written");
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--config", &config]);
+    let console = Console::of(&mut krait);
+    let sender = ChainSender::start(&instance);
+    let mut page = browser.page(&console.address, 1280, 800);
+    let flags = SlaveState::IS_HOMED | SlaveState::ENGAGED | SlaveState::FOLLOWING;
+    let scene = ChainScene::of(OperatingState::Enabled, flags, &[Reason::ForceLimit]);
+    let mut scene = scene.driven(OperatorInput::OPERATOR_PRESENT, DeviceState::Live, Phase::Following);
+    let state = scene.state.as_mut().expect("a state");
+    state.n_actuators = 4;
+    state.measured_tau_n[..4].copy_from_slice(&[-30.0, 30.0, 0.0, 7.5]);
+    sender.say(scene);
+    page.wait_for("its value", "document.getElementById('reasons').textContent.includes('Its wire: 8 of 15 N.')");
+    page.wait_for(
+        "its load",
+        "[...document.querySelectorAll('#bars .newton')].map(own => own.textContent)[3] === '+7.5 N'",
+    );
+    let shown = bars_shown(&mut page);
+    assert_eq!(shown.len(), 4, "{shown:?}");
+    for (bar, (name, load)) in shown.iter().zip([("1", 0.5), ("2", 0.5), ("3", 0.0), ("J", 0.5)]) {
+        assert_eq!(bar["name"], name, "{bar}");
+        assert!((bar["load"].as_f64().expect("a number") - load).abs() < 0.02, "{bar}");
+    }
+    drop(sender);
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}

@@ -225,6 +225,9 @@ export function onDial([bx, by]) {
   return [x * c + y * s, -x * s + y * c];
 }
 
+/// What the load of an actuator may be on the side that it has, N; of one without a limit, what the model may foretell.
+const mostLoad = (i, tau) => (tau > 0 ? facts.loads[i]?.push_n : facts.loads[i]?.pull_n) ?? facts.max_load_n;
+
 function move(frame) {
   const scale = 100 / facts.max_bend_rad, place = bend => onDial(bend).map(v => v * scale);
   const at = (element, bend) => {
@@ -245,8 +248,8 @@ function move(frame) {
     const wanted = frame.q_tilde_m ? Math.max(-1, Math.min(1, frame.q_tilde_m[i] / facts.max_stroke_m)) : null;
     told.style.display = wanted === null ? 'none' : '';
     if (wanted !== null) told.style.transform = `translateX(${(0.5 + 0.5 * wanted) * track.clientWidth}px)`;
-    const tau = frame.state.tau_n[i];
-    load.style.transform = `scaleX(${tau === null ? 0 : Math.min(1, Math.abs(tau) / facts.max_load_n)})`;
+    const tau = frame.state.tau_n[i] ?? null;
+    load.style.transform = `scaleX(${tau === null ? 0 : Math.min(1, Math.abs(tau) / mostLoad(i, tau))})`;
   });
 }
 
