@@ -382,3 +382,23 @@ fn the_load_of_a_grippers_wire_is_shown_by_its_own_limit() {
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
 }
+
+/// The unit of a model file and the name of an effect are any text: the lab's bars write it as it stands, and make nothing of it.
+#[test]
+fn a_unit_or_a_name_in_the_labs_bars_is_text_and_never_markup() {
+    let Some(browser) = Browser::start() else { return };
+    let mut krait = Krait::start(&["console", "--instance", &instance_name("markup")]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the page is there", "location.hash === ''");
+    let seen = page.value(
+        "import('/js/waterfall.js').then(({ waterfall }) => {
+            const [bars, says] = [document.createElement('div'), document.createElement('p')], odd = '</text></svg><b>N</b>';
+            waterfall(bars, says, [{ name: '<b>play</b>', value: 1.5 }], odd);
+            const value = bars.querySelector('text.value'), name = [...bars.querySelectorAll('text.name')];
+            return [bars.querySelectorAll('b').length, value.textContent === `1.50${odd}`, name.map(own => own.textContent).join('')];
+        })",
+    );
+    assert_eq!(seen, json!([0, true, "<b>play</b>"]));
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
