@@ -29,12 +29,8 @@ pub struct Facts {
     pub max_stroke_m: f64,
     /// Largest load of a line by the model, N.
     pub max_load_n: f64,
-    /// Largest measured load of a line that is pulled, N; infinite where loads are not measured.
-    pub max_pull_n: f64,
-    /// As `max_pull_n`, pushed.
-    pub max_push_n: f64,
-    /// As `max_pull_n`, of a gripper's wire either way.
-    pub max_jaw_n: f64,
+    /// What the measured load of each actuator may be.
+    pub loads: Vec<LoadFacts>,
     /// Roll of the camera's view about the straight snake, rad.
     pub view_roll_rad: f64,
     /// Name of the compensation.
@@ -76,6 +72,22 @@ pub struct LineFacts {
     pub azimuth_rad: f64,
     /// Distance from the primary backbone, m.
     pub r_m: f64,
+}
+
+/// Limits of an actuator's measured load, N; infinite where loads are not measured.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LoadFacts {
+    /// While it is pulled.
+    pub pull_n: f64,
+    /// While it is pushed.
+    pub push_n: f64,
+}
+
+impl LoadFacts {
+    /// The limit on the side of a load; a push is positive.
+    pub fn limit_n(&self, tau_n: f64) -> f64 {
+        if tau_n > 0.0 { self.push_n } else { self.pull_n }
+    }
 }
 
 /// What a stretch of the way may take, us.

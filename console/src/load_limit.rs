@@ -80,17 +80,14 @@ impl AtLimit {
             Self::Line => {
                 let loads_n = used(&state.measured_tau_n, state.n_actuators);
                 let loads_n = if facts.jaw.is_some() { loads_n.get(..N_LINES)? } else { loads_n };
-                let limit_n = |tau_n: f64| if tau_n > 0.0 { facts.max_push_n } else { facts.max_pull_n };
-                let nearest = loads_n.iter().enumerate().filter(|(_, tau_n)| tau_n.is_finite());
-                let (line, tau_n) = nearest.max_by(|(_, a), (_, b)| {
-                    let part = |tau_n: f64| tau_n.abs() / limit_n(tau_n);
-                    part(**a).total_cmp(&part(**b))
-                })?;
-                Some(format!("Line {}: {:.0} of {:.0} N, measured.", line + 1, tau_n.abs(), limit_n(*tau_n)))
+                let of_line = |(k, tau_n): (usize, &f64)| Some((k + 1, tau_n.abs(), limit_n(facts, k, *tau_n)?));
+                let nearest = loads_n.iter().enumerate().filter_map(of_line);
+                let (line, tau_n, limit_n) = nearest.max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))?;
+                Some(format!("Line {line}: {tau_n:.0} of {limit_n:.0} N, measured."))
             }
             Self::Jaw => {
-                let tau_n = state.measured_tau_n[GRIPPER_WIRE].abs();
-                Some(format!("Its wire: {tau_n:.0} of {:.0} N.", facts.max_jaw_n))
+                let tau_n = state.measured_tau_n[GRIPPER_WIRE];
+                Some(format!("Its wire: {:.0} of {:.0} N.", tau_n.abs(), limit_n(facts, GRIPPER_WIRE, tau_n)?))
             }
             // The bounds of lines through segments stand in the model, not in the configuration.
             Self::Foretold => facts.joints.is_none().then(|| format!("More than {:.0} N on a line.", facts.max_load_n)),
@@ -98,9 +95,16 @@ impl AtLimit {
     }
 }
 
+/// The limit of an actuator's load, where there is one and the load is known.
+fn limit_n(facts: &Facts, actuator: usize, tau_n: f64) -> Option<f64> {
+    let limit_n = facts.loads.get(actuator)?.limit_n(tau_n);
+    (tau_n.is_finite() && limit_n.is_finite()).then_some(limit_n)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::facts::LoadFacts;
 
     const MS: i64 = 1_000_000;
 
@@ -133,5 +137,50 @@ mod tests {
             assert!(words.say.chars().count() <= 40 && words.banner.chars().count() <= 48, "{words:?}");
             assert_eq!(all.iter().filter(|other| other.say == words.say).count(), 1, "{words:?}");
         }
+    }
+
+    /// A snake with a gripper whose third line may bear 8 N, the others 60 N, and its wire 15 N.
+    fn facts() -> Facts {
+        let own = |limit_n: f64| LoadFacts { pull_n: limit_n, push_n: limit_n };
+        Facts {
+            instance: String::new(),
+            is_simulated: false,
+            l_m: 0.03,
+            r_m: 0.002,
+            n_actuators: 4,
+            unit: "deg",
+            per_si: 57.3,
+            joints: None,
+            jaw: Some([0.0, 1.0]),
+            max_bend_rad: 1.0,
+            max_stroke_m: 5e-3,
+            max_load_n: 48.0,
+            loads: [60.0, 60.0, 8.0, 15.0].map(own).to_vec(),
+            view_roll_rad: 0.0,
+            compensation: String::new(),
+            presence_hint: String::new(),
+            recording: None,
+            opens: None,
+            budgets: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_load_stands_beside_the_limit_of_its_own_actuator_and_the_nearest_to_its_own_is_named() {
+        let mut state = state(MS, 4, SlaveState::FOLLOWING);
+        state.measured_tau_n[..4].copy_from_slice(&[-20.0, f64::NAN, 8.0, -15.0]);
+        let newest = NewestSamples { state: Some(state), ..NewestSamples::default() };
+        let value = |of: AtLimit, facts: &Facts| of.value(&newest, facts);
+        assert_eq!(value(AtLimit::Line, &facts()).as_deref(), Some("Line 3: 8 of 8 N, measured."));
+        assert_eq!(value(AtLimit::Jaw, &facts()).as_deref(), Some("Its wire: 15 of 15 N."));
+        let pushed = LoadFacts { pull_n: 60.0, push_n: 10.0 };
+        let other = Facts { loads: vec![pushed; 4], ..facts() };
+        assert_eq!(
+            value(AtLimit::Line, &other).as_deref(),
+            Some("Line 3: 8 of 10 N, measured."),
+            "8 of 10 before 20 of 60"
+        );
+        let unknown = Facts { loads: vec![LoadFacts { pull_n: f64::INFINITY, push_n: f64::INFINITY }; 4], ..facts() };
+        assert_eq!([AtLimit::Line, AtLimit::Jaw].map(|of| value(of, &unknown)), [None, None], "no limit, no numbers");
     }
 }

@@ -5,6 +5,7 @@
 //! recorder write the last message of every other process.
 
 mod companion;
+mod effective;
 mod ending;
 mod exchange;
 mod hand;
@@ -19,6 +20,7 @@ use crate::config::{Config, STANDARD_INPUT};
 use crate::silence::{HANGS_NS, Silence};
 use anyhow::{Context, bail};
 use core::time::Duration;
+pub use effective::of_chain as config_of_chain;
 use exchange::{Exchanged, ModelDesk};
 use hand::LastHand;
 use handover::arguments_of;
@@ -164,6 +166,8 @@ impl Supervisor {
     pub fn new(instance: &str, stop: &AtomicBool) -> anyhow::Result<Self> {
         let bus = Bus::open_unless(instance, "launch", stop)?;
         refuse_company(&bus)?;
+        // A chain that was killed has left its own, where somebody is in the instance still.
+        effective::remove(&bus);
         let mut healths = Vec::new();
         for process in Process::ALL {
             healths.push((process, bus.reader_on(&health_channel(process), ReadOptions::glancing())?, None));
@@ -209,6 +213,7 @@ impl Supervisor {
         let options = &ChainOptions { config: options.config.with_model_text()?, ..options.clone() };
         self.children.retain(|running| !running.ended);
         self.newest_state = None;
+        effective::keep(&self.bus, &options.config);
         if self.budget.is_none() {
             self.budget = Some(BudgetWatch::new(options.config.budget)?);
         }

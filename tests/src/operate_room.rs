@@ -62,7 +62,8 @@ const WATCH: &str = "import('/js/link.js').then(({ on }) => {
             row.widest[i] = Math.max(row.widest[i], Math.abs(q));
             near(`position of ${i} from`, bar.position[0], 0.5 + 0.5 * Math.min(0, q), pixels(2));
             near(`position of ${i} to`, bar.position[1], 0.5 + 0.5 * Math.max(0, q), pixels(2));
-            near(`load of ${i}`, bar.load, Math.min(1, Math.abs(tau_n[i] ?? 0) / facts.max_load_n), pixels(2));
+            const most = tau_n[i] > 0 ? facts.loads[i].push_n : facts.loads[i].pull_n;
+            near(`load of ${i}`, bar.load, Math.min(1, Math.abs(tau_n[i] ?? 0) / most), pixels(2));
             row.n_loaded += bar.load > 0.01;
             if (frame.q_tilde_m) { row.n_told += 1; near(`told of ${i}`, bar.told ?? NaN, 0.5 + 0.5 * part(frame.q_tilde_m[i]), pixels(2)); }
         });

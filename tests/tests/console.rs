@@ -321,6 +321,40 @@ fn hello(console: &Console) -> serde_json::Value {
     next_of_kind(&mut console.page(), "hello")
 }
 
+/// A chain keeps its configuration in its instance: a console that is started beside it without one tells that machine's facts. What the
+/// user names stays as he says, and without a chain the defaults count.
+#[test]
+fn a_console_started_beside_a_chain_tells_that_chains_facts() {
+    const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
+    const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
+    let (instance, folder) = (instance_name("beside"), TempFolder::new("beside"));
+    let config = folder.file("krait.toml");
+    std::fs::write(&config, "[resolve]\nmax_bend_rad = 0.7\n").expect("written");
+    let console = |more: &[&str]| {
+        let mut krait = Krait::start(&[&["console", "--instance", &instance][..], more].concat());
+        let mut page = Console::of(&mut krait).page();
+        let facts = next_of_kind(&mut page, "hello")["facts"].clone();
+        (krait, facts, page)
+    };
+    let run = ["run", "--engage=again", "--master", "script", "--input", SCRIPT, "--model", WRIST, "--no-recording"];
+    let chain = Krait::start(&[&run[..], &["--instance", &instance]].concat());
+    // Its configuration is kept before any of its processes starts.
+    let has_master = || processes_of(&instance).iter().any(|(name, _)| name == "master");
+    assert!(wait_until(PATIENCE, has_master), "{:?}", processes_of(&instance));
+    let (beside, facts, mut page) = console(&[]);
+    assert_eq!(facts["joints"]["low"].as_array().map(Vec::len), Some(3), "{facts}");
+    assert_eq!(facts["joints"]["segments"], serde_json::json!([]), "{facts}");
+    assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["shown"] == "following"));
+    let (named, facts, _) = console(&["--config", &config]);
+    assert!(facts["joints"].is_null() && facts["max_bend_rad"] == 0.7, "{facts}");
+    assert_eq!(end(named).code, Some(0));
+    assert_eq!(end(chain).code, Some(0));
+    // The first console keeps the instance's folder; what the chain kept there is gone.
+    let (alone, facts, _) = console(&[]);
+    assert!(facts["joints"].is_null(), "{facts}");
+    assert_eq!([end(alone).code, end(beside).code], [Some(0); 2]);
+}
+
 #[test]
 fn recordings_and_jobs_are_named_from_lists_and_open_to_the_token_alone() {
     let folder = TempFolder::new("library");

@@ -8,8 +8,8 @@ use krait_ipc::Reason;
 use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, SlaveState};
 use krait_schema::Sample;
 use krait_tests::{
-    Browser, BrowserPage, ChainScene, ChainSender, Console, Krait, TempFolder, bars_shown, instance_name, needs_shown,
-    next_of_kind, rewrite, wait_until,
+    Browser, BrowserPage, ChainScene, ChainSender, Console, Ended, Krait, TempFolder, bars_shown, instance_name,
+    needs_shown, next_of_kind, processes_of, rewrite, wait_until,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -314,4 +314,91 @@ fn press_verify(page: &mut BrowserPage) {
     page.value(
         "[...document.querySelectorAll('#recordings button')].find(button => button.textContent === 'Verify').click()",
     );
+}
+
+/// A console with another configuration than the chain beside it: what it cannot draw keeps no sentence from being said, and one of them
+/// is that.
+#[test]
+fn a_page_of_another_machine_says_so_and_goes_on_saying_what_holds_the_motion_back() {
+    const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
+    const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("another"), TempFolder::new("another"));
+    let config = folder.file("krait.toml");
+    std::fs::write(&config, "[resolve]\nmax_bend_rad = 0.7\n").expect("written");
+    let run = ["run", "--engage=again", "--master", "script", "--input", SCRIPT, "--model", WRIST, "--no-recording"];
+    let chain = Krait::start(&[&run[..], &["--instance", &instance]].concat());
+    let has_master = || processes_of(&instance).iter().any(|(name, _)| name == "master");
+    assert!(wait_until(PATIENCE, has_master), "{:?}", processes_of(&instance));
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--config", &config]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    let says = "[...document.querySelectorAll('#reasons span')].map(span => span.textContent)";
+    page.wait_for("it says so", &format!("{says}.includes('This page is of another machine.')"));
+    page.wait_for("it follows", "document.documentElement.dataset.shown === 'following'");
+    assert_eq!(too_wide(&mut page, &["This page is of another machine.".to_owned()]), json!([]), "in the banner");
+    let paused = Ended::of(&["state", "pause", "--instance", &instance], PATIENCE);
+    assert_eq!(paused.code, Some(0), "{}", paused.stderr);
+    page.wait_for(
+        "sentences follow the chain",
+        "document.getElementById('need-drives').textContent.includes('paused')",
+    );
+    for program in [krait, chain] {
+        program.signal(Signal::TERM);
+        program.end(PATIENCE);
+    }
+}
+
+/// Lines may bear 60 N and the gripper's wire 15 N: half of each fills half of its bar, and the sentence has the limit of the one it is of.
+#[test]
+fn the_load_of_a_grippers_wire_is_shown_by_its_own_limit() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("wire"), TempFolder::new("wire"));
+    let config = folder.file("krait.toml");
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/gripper/snake.toml");
+    std::fs::write(&config, format!("model = \"{model}\"\n")).expect("written");
+    let mut krait = Krait::start(&["console", "--instance", &instance, "--config", &config]);
+    let console = Console::of(&mut krait);
+    let sender = ChainSender::start(&instance);
+    let mut page = browser.page(&console.address, 1280, 800);
+    let flags = SlaveState::IS_HOMED | SlaveState::ENGAGED | SlaveState::FOLLOWING;
+    let scene = ChainScene::of(OperatingState::Enabled, flags, &[Reason::ForceLimit]);
+    let mut scene = scene.driven(OperatorInput::OPERATOR_PRESENT, DeviceState::Live, Phase::Following);
+    let state = scene.state.as_mut().expect("a state");
+    state.n_actuators = 4;
+    state.measured_tau_n[..4].copy_from_slice(&[-30.0, 30.0, 0.0, 7.5]);
+    sender.say(scene);
+    page.wait_for("its value", "document.getElementById('reasons').textContent.includes('Its wire: 8 of 15 N.')");
+    page.wait_for(
+        "its load",
+        "[...document.querySelectorAll('#bars .newton')].map(own => own.textContent)[3] === '+7.5 N'",
+    );
+    let shown = bars_shown(&mut page);
+    assert_eq!(shown.len(), 4, "{shown:?}");
+    for (bar, (name, load)) in shown.iter().zip([("1", 0.5), ("2", 0.5), ("3", 0.0), ("J", 0.5)]) {
+        assert_eq!(bar["name"], name, "{bar}");
+        assert!((bar["load"].as_f64().expect("a number") - load).abs() < 0.02, "{bar}");
+    }
+    drop(sender);
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
+/// The unit of a model file and the name of an effect are any text: the lab's bars write it as it stands, and make nothing of it.
+#[test]
+fn a_unit_or_a_name_in_the_labs_bars_is_text_and_never_markup() {
+    let Some(browser) = Browser::start() else { return };
+    let mut krait = Krait::start(&["console", "--instance", &instance_name("markup")]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the page is there", "location.hash === ''");
+    let seen = page.value(
+        "import('/js/waterfall.js').then(({ waterfall }) => {
+            const [bars, says] = [document.createElement('div'), document.createElement('p')], odd = '</text></svg><b>N</b>';
+            waterfall(bars, says, [{ name: '<b>play</b>', value: 1.5 }], odd);
+            const value = bars.querySelector('text.value'), name = [...bars.querySelectorAll('text.name')];
+            return [bars.querySelectorAll('b').length, value.textContent === `1.50${odd}`, name.map(own => own.textContent).join('')];
+        })",
+    );
+    assert_eq!(seen, json!([0, true, "<b>play</b>"]));
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
 }

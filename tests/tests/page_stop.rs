@@ -22,6 +22,16 @@ const HANG: &str = "setTimeout(() => {
     try { ask.send(); } finally { for (;;); }
 }, 0); 0";
 
+/// Takes the focus to the page's body, or into a field of this kind that is made for it.
+const FOCUS: &str = "(place => {
+    window.focus();
+    document.activeElement?.blur();
+    if (window.field !== document.body) window.field?.remove();
+    window.field = place === 'body' ? document.body : Object.assign(document.createElement('input'), { type: place });
+    if (place !== 'body') { document.body.append(field); field.focus(); }
+    return document.activeElement === field;
+})('PLACE')";
+
 /// How the operator stops.
 #[derive(Debug)]
 enum Stops {
@@ -102,6 +112,34 @@ fn stops_while(cut: Option<WayCut>) {
     assert_eq!(page.answers_within(patience), cut.is_some(), "a page that is cut off lives, one in a loop hangs");
     if cut == Some(WayCut::Closed) {
         stops_without_script(&browser, &console, &instance);
+    }
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
+/// Escape on a page that works, where STOP has not the keyboard: with the focus nowhere, and in fields that have uses of their own for keys.
+#[test]
+fn escape_stops_with_the_focus_on_the_page_itself_and_in_its_fields() {
+    let Some(browser) = Browser::start() else { return };
+    let instance = instance_name("page-escape");
+    let mut krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--console", "--no-recording"]);
+    let console = Console::of(&mut krait);
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
+    let stop = page.inner("iframe");
+    let loaded = format!("document.readyState === 'complete' && location.pathname === '{}'", console.stop_path());
+    let is_loaded = wait_until(PATIENCE, || page.value_in(&stop, &loaded) == true);
+    assert!(is_loaded, "the stop's own document");
+    for place in ["body", "text", "number", "range"] {
+        let n_before = wait_for(&instance, "moving", is_moving).n_stops;
+        let has_focus = page.value(&FOCUS.replace("PLACE", place));
+        assert_eq!(has_focus, true, "the focus is there: {place}");
+        page.key("Escape", 27);
+        wait_for(&instance, &format!("stopped by Escape, focus: {place}"), |state| {
+            state.n_stops > n_before && state.operating() == Some(OperatingState::Paused)
+        });
+        let resumed = Ended::of(&["state", "resume", "--instance", &instance], PATIENCE);
+        assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
     }
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);

@@ -27,7 +27,7 @@ export function make(tag, className = '', ...content) {
   return element;
 }
 
-/// An SVG from its fixed text.
+/// An SVG from text and numbers of this page; what comes from a file is set as text, never here.
 export function drawing(box, inner) {
   const holder = document.createElement('template');
   holder.innerHTML = `<svg viewBox="${box}" aria-hidden="true">${inner}</svg>`;

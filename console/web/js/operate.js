@@ -43,11 +43,12 @@ on('frame', ({ frame, age, glass }) => {
   show(frame.shown);
   if (!isNew && now < textDue) return;
   textDue = now + TEXT_EVERY_MS;
-  numbers(frame);
+  // What holds the motion back is said first, so that numbers that cannot be shown never keep it from being said.
   sentence(frame);
   needs(frame);
   reasons(frame);
   live(age > OLD_MS ? 'old' : '', age > OLD_MS ? `${(age / 1000).toFixed(1)} s old` : 'Live', glass === null || age > OLD_MS ? '' : `${glass.toFixed(0)} ms`);
+  numbers(frame);
 });
 
 on('stale', ({ hasConnection, silentFrom }) => {
@@ -101,6 +102,9 @@ function show(state) {
   play(TONES[state] ?? []);
 }
 
+/// Whether the joints that move are those of this page's configuration; a console that was started with another one draws none of them.
+const isOfThisMachine = frame => !frame.joints || frame.joints.wanted.length === facts.joints?.low.length;
+
 /// The words of a reason: those of this instant, where it has several causes.
 const wordsOf = reason => reason.words ?? hello.reasons[reason.id];
 
@@ -139,6 +143,10 @@ function reasons(frame) {
     return { level: words.level, say: words.say, todo: [reason.value, words.todo].filter(Boolean).join(' ') };
   });
   const hand = frame.state?.operating === 'ENABLED' && frame.operator ? ofHand(frame.operator) : [];
+  if (!isOfThisMachine(frame)) {
+    const behind = items.findIndex(({ level }) => level === 'hold' || level === 'info');
+    items.splice(behind < 0 ? items.length : behind, 0, { level: 'warn', say: 'This page is of another machine.', todo: 'Start krait console anew, without --config.' });
+  }
   // Silence is no good news: only while it follows does nothing hold it back.
   if (frame.shown === 'following' && items.every(({ level }) => level === 'info')) items.unshift({ level: 'ok', say: 'Nothing.', alone: 'Nothing holds it back.', todo: frame.operator?.locked.length ? 'What is not locked of your motion passes.' : 'All of your motion passes.' });
   if (!items.length) items.push({ level: 'hold', say: `${STATES[frame.shown].word}.`, todo: STATES[frame.shown].say });
@@ -217,6 +225,9 @@ export function onDial([bx, by]) {
   return [x * c + y * s, -x * s + y * c];
 }
 
+/// What the load of an actuator may be on the side that it has, N; of one without a limit, what the model may foretell.
+const mostLoad = (i, tau) => (tau > 0 ? facts.loads[i]?.push_n : facts.loads[i]?.pull_n) ?? facts.max_load_n;
+
 function move(frame) {
   const scale = 100 / facts.max_bend_rad, place = bend => onDial(bend).map(v => v * scale);
   const at = (element, bend) => {
@@ -224,7 +235,7 @@ function move(frame) {
     element.style.display = bend ? '' : 'none';
     if (bend) { const [x, y] = place(bend); element.setAttribute('transform', `translate(${x.toFixed(2)} ${y.toFixed(2)})`); }
   };
-  if (frame.joints) joints?.move(frame.joints);
+  if (frame.joints && isOfThisMachine(frame)) joints?.move(frame.joints);
   at(dial.seen, frame.bend);
   at(dial.wanted, frame.setpoint);
   const [x, y] = frame.bend ? place(frame.bend) : [0, 0];
@@ -237,8 +248,8 @@ function move(frame) {
     const wanted = frame.q_tilde_m ? Math.max(-1, Math.min(1, frame.q_tilde_m[i] / facts.max_stroke_m)) : null;
     told.style.display = wanted === null ? 'none' : '';
     if (wanted !== null) told.style.transform = `translateX(${(0.5 + 0.5 * wanted) * track.clientWidth}px)`;
-    const tau = frame.state.tau_n[i];
-    load.style.transform = `scaleX(${tau === null ? 0 : Math.min(1, Math.abs(tau) / facts.max_load_n)})`;
+    const tau = frame.state.tau_n[i] ?? null;
+    load.style.transform = `scaleX(${tau === null ? 0 : Math.min(1, Math.abs(tau) / mostLoad(i, tau))})`;
   });
 }
 
@@ -251,7 +262,7 @@ function numbers(frame) {
   write($('plane-now'), size === null ? '–' : size < 2 ? 'any' : `${Math.round(degrees(Math.atan2(-y, x)) + 360) % 360}°`);
   write($('off-now'), frame.err_rms === null ? '–' : `${off(frame.err_rms).toFixed(1)}${unit()}`);
   write($('error-now'), frame.err_rms === null ? '' : `${off(frame.err_rms).toFixed(2)}${unit()}`);
-  if (frame.joints) joints?.write(frame.joints);
+  if (frame.joints && isOfThisMachine(frame)) joints?.write(frame.joints);
   if (frame.jaw) {
     const [seen, told] = [frame.jaw.measured, frame.jaw.wanted].map(value => value === null ? null : degrees(value));
     // Without a camera on it, the bar shows nothing: a wanted angle is no opening.
@@ -259,12 +270,13 @@ function numbers(frame) {
     write($('jaw-now'), `${seen === null ? 'not measured' : `${seen.toFixed(0)}°`} of ${told.toFixed(0)}°`);
   }
   bars.forEach(({ mm, newton }, i) => {
-    write(mm, state ? signed(state.q_m[i] * 1e3, 2) : '–');
-    write(newton, state && state.tau_n[i] !== null ? `${signed(state.tau_n[i], 1)} N` : 'not measured');
+    const [q, tau] = [state?.q_m[i] ?? null, state?.tau_n[i] ?? null];
+    write(mm, q === null ? '–' : signed(q * 1e3, 2));
+    write(newton, tau === null ? 'not measured' : `${signed(tau, 1)} N`);
   });
-  const text = frame.joints?.measured && facts.joints.segments.length
+  const text = frame.joints?.measured && facts.joints?.segments.length
     ? `The segments bend ${pairs(frame.joints.measured).map(own => degrees(Math.hypot(...own)).toFixed(0)).join(' and ')} degrees.`
     : size === null ? 'The camera sees nothing.' : `The snake bends ${size.toFixed(0)} degrees; it is off by ${frame.err_rms === null ? 'an unknown angle' : `${degrees(frame.err_rms).toFixed(1)} degrees`}.`;
-  const jaw = frame.jaw ? ` Its jaw is ${frame.jaw.measured === null ? 'not measured' : `open by ${degrees(frame.jaw.measured - facts.jaw[0]).toFixed(0)} degrees`}.` : '';
+  const jaw = frame.jaw ? ` Its jaw is ${frame.jaw.measured === null ? 'not measured' : `open by ${degrees(frame.jaw.measured - (facts.jaw?.[0] ?? 0)).toFixed(0)} degrees`}.` : '';
   if (textDue % 1000 < TEXT_EVERY_MS) $('scene').setAttribute('aria-label', `${text}${jaw} Arrow keys turn the view, plus and minus zoom.`);
 }

@@ -61,7 +61,9 @@ function takeFrame(message) {
 /// Measured and wanted bend vectors of a frame, or of a picture of a recording.
 function shapeOf({ bend, setpoint, joints }) {
   if (machine.isOne) return { bends: bend && [bend], wanted: setpoint && [setpoint] };
-  return { bends: pairs(joints?.measured), wanted: pairs(joints?.wanted) };
+  // Positions of another machine than this page's are none that can be drawn.
+  const own = values => values?.length === 2 * machine.segments.length ? pairs(values) : null;
+  return { bends: own(joints?.measured), wanted: own(joints?.wanted) };
 }
 
 function ping() {

@@ -7,9 +7,11 @@ use crate::in_force::{ModelInForce, drawn_of, lanes_of};
 use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel, SegmentModel};
-use krait_console::{Facts, FoxgloveSettings, HopBudget, JointFacts, LineFacts, SegmentFacts, ServerSettings};
+use krait_console::{
+    Facts, FoxgloveSettings, HopBudget, JointFacts, LineFacts, LoadFacts, SegmentFacts, ServerSettings,
+};
 use krait_ipc::Bus;
-use krait_ipc::message::{ModelUpdate, n_of_snake};
+use krait_ipc::message::{GRIPPER_WIRE, ModelUpdate, n_of_snake};
 use krait_master::Presence;
 use krait_model::gripper::Gripper;
 use krait_model::model_file::ModelFile;
@@ -17,7 +19,7 @@ use krait_model::segments::{LineParameters, SegmentParameters};
 use krait_model::{Chain, ModelHash};
 use krait_record::{RecordConfig, Recording, Views};
 use krait_report::{Lanes, LearntReport};
-use krait_slave::DriveKind;
+use krait_slave::{DriveKind, Limits, SlaveConfig};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -37,11 +39,12 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
             (bus, facts, None)
         }
         None => {
-            let config = Config::load(common.config.as_deref())?;
+            let bus = Bus::open(&common.instance, NAME)?;
+            let config = config_beside(&bus, common)?;
             let model = config.model()?;
             let wish = &args.viewers;
             let viewers = wish.foxglove.then(|| viewers_of(&config, &model, &wish.foxglove_origin)).transpose()?;
-            (Bus::open(&common.instance, NAME)?, facts_of(&common.instance, &config, &model)?, viewers)
+            (bus, facts_of(&common.instance, &config, &model)?, viewers)
         }
     };
     let announce = |address: &krait_console::Address| {
@@ -62,6 +65,14 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     };
     krait_console::run(bus, settings, facts, announce, &stop)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// The configuration that the user names, else that of the chain that runs here, else the defaults.
+fn config_beside(bus: &Bus, common: &Common) -> anyhow::Result<Config> {
+    match &common.config {
+        Some(path) => Config::load(Some(path)),
+        None => Ok(supervisor::config_of_chain(bus)?.unwrap_or_default()),
+    }
 }
 
 /// What engineers' own viewers are served: the machine is drawn as in a recording.
@@ -115,6 +126,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
             (None, Some(segment_facts(segments, config)), segments.chain().machine().n_lines())
         }
     };
+    let has_wire = model.machine.snake().is_some_and(|chain| chain.gripper().is_some());
     let allowance =
         |a: crate::budget::Allowance| HopBudget { p50_us: a.p50_us, p99_us: a.p99_us, worst_us: a.worst_us };
     let budget = &config.budget;
@@ -131,9 +143,7 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
         max_bend_rad: config.resolve.max_bend_rad,
         max_stroke_m: config.compensate.max_stroke_m,
         max_load_n: config.compensate.max_load_n,
-        max_pull_n: config.slave.limits.pull_n,
-        max_push_n: config.slave.limits.push_n,
-        max_jaw_n: config.slave.limits.jaw_n,
+        loads: (0..n_actuators).map(|actuator| load_facts(&config.slave, actuator, has_wire)).collect(),
         view_roll_rad: config.resolve.view_roll_rad,
         compensation: model.label.to_owned(),
         presence_hint: presence_hint(config.master.presence),
@@ -141,6 +151,16 @@ fn facts_of(instance: &str, config: &Config, model: &ModelInForce) -> anyhow::Re
         opens: None,
         budgets: budget.hops().into_iter().chain([budget.end_to_end]).map(allowance).collect(),
     })
+}
+
+/// What the slave lets an actuator's load be; a gripper's wire has a limit of its own.
+fn load_facts(slave: &SlaveConfig, actuator: usize, has_wire: bool) -> LoadFacts {
+    let Limits { pull_n, push_n, jaw_n, .. } = slave.limits_of(actuator);
+    if has_wire && actuator == GRIPPER_WIRE {
+        LoadFacts { pull_n: jaw_n, push_n: jaw_n }
+    } else {
+        LoadFacts { pull_n, push_n }
+    }
 }
 
 fn joint_facts(joints: &JointMachine) -> JointFacts {
@@ -168,5 +188,27 @@ fn presence_hint(presence: Presence) -> String {
     match presence {
         Presence::Hold(n) => format!("Hold {} to follow.", button(n)),
         Presence::Toggle(n) => format!("Press {} to follow.", button(n)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_actuator_has_the_limits_of_its_own_load_a_grippers_wire_too() {
+        let model = ModelInForce::parse(include_str!("../../../docs/gripper/snake.toml")).expect("the shipped model");
+        let loads = |text: &str| {
+            let config = Config::parse(text).expect("a configuration");
+            let loads = facts_of("main", &config, &model).expect("facts").loads;
+            loads.iter().map(|own| (own.pull_n, own.push_n)).collect::<Vec<_>>()
+        };
+        let limits = "[slave.limits]\npull_n = 50.0\npush_n = 20.0\n";
+        assert_eq!(loads(limits), [(50.0, 20.0), (50.0, 20.0), (50.0, 20.0), (15.0, 15.0)]);
+        let drive = "[slave.drive]\nkind = \"sts3215\"\nport = \"/dev/ttyUSB0\"\n";
+        let own = ["", "load_n = 8.0", "", "jaw_m_per_rad = 0.002\nload_n = 6.0"].into_iter().enumerate();
+        let tables: String = own.map(|(k, own)| format!("[[slave.drive.actuator]]\nid = {}\n{own}\n", k + 1)).collect();
+        let narrowed = loads(&format!("{limits}{drive}{tables}"));
+        assert_eq!(narrowed, [(50.0, 20.0), (8.0, 8.0), (50.0, 20.0), (6.0, 6.0)]);
     }
 }

@@ -1,6 +1,6 @@
 //! The end of a chain: every process is asked in order, waited for, and killed where it does not go.
 
-use super::{END_PATIENCE, LOOK_EVERY, Loss, Supervisor};
+use super::{END_PATIENCE, LOOK_EVERY, Loss, Supervisor, effective};
 use krait_ipc::{Process, clock};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io;
@@ -21,6 +21,7 @@ impl Supervisor {
     /// Ends everything. Returns whether all ended by themselves.
     pub fn end(&mut self) -> bool {
         let (chain, console) = (self.end_chain(), self.end_console());
+        effective::remove(&self.bus);
         self.end_one(Process::Record) && chain && console
     }
 

@@ -3,7 +3,7 @@
 //! The slave holds meanwhile and clears the engagement, as for every process that begins anew. The recording ends and another
 //! begins, so that each holds the one model that its commands rest on and can be repeated.
 
-use super::Supervisor;
+use super::{Supervisor, effective};
 use crate::config::Config;
 use crate::in_force::ModelInForce;
 use anyhow::{Context, ensure};
@@ -87,6 +87,7 @@ impl Supervisor {
         for process in RESTING_ON_IT {
             self.end_one(process);
         }
+        effective::keep(&self.bus, &config);
         if is_recording {
             self.end_one(Process::Record);
             self.start_recorder(&config, stop)?;
