@@ -134,6 +134,8 @@ struct State<'a> {
     q_m: Vec<f64>,
     // A load that is not measured is null, never zero.
     tau_n: Vec<f64>,
+    /// Of each actuator whether it is under power by its drive's own report.
+    power: Vec<bool>,
     n_refused: u64,
     /// What is said of a failure of the drives, while they are in FAULT.
     failure: Option<String>,
@@ -210,6 +212,7 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             busy: state.flags & SlaveState::IS_BUSY != 0,
             q_m: used(&state.measured_q_m, state.n_actuators).to_vec(),
             tau_n: used(&state.measured_tau_n, state.n_actuators).to_vec(),
+            power: state.has_power().collect(),
             n_refused: state.n_refused,
             failure: matches!(shown, Shown::Fault | Shown::Emergency).then(|| fault_sentence(state)),
         }),

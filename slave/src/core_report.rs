@@ -1,6 +1,6 @@
 //! What the slave says of itself after each step: encoders, setpoint, state, and the reasons that hold.
 
-use crate::{ActuatorState, Drive, DriveError, Findings, SlaveCore};
+use crate::{Drive, DriveError, Findings, SlaveCore};
 use krait_ipc::Reason;
 use krait_ipc::message::{OperatingState, SlaveState, largest};
 
@@ -94,6 +94,9 @@ impl<D: Drive> SlaveCore<D> {
         if self.drive.traits().homes_in_place {
             flags |= SlaveState::HOMES_IN_PLACE;
         }
+        let states = self.reading.state.iter().enumerate().take(self.drive.n_actuators());
+        let powered = states.filter(|(_, state)| state.has_power());
+        flags |= powered.fold(0, |all, (k, _)| all | SlaveState::power_flag(k));
         if let Some(error) = self.drive_error.filter(|_| self.machine.state() == OperatingState::Fault) {
             flags |= self.failure_flags(&error);
         }
@@ -106,12 +109,9 @@ impl<D: Drive> SlaveCore<D> {
         if matches!(error, DriveError::HardwareStop { .. }) {
             flags |= SlaveState::HARDWARE_STOP;
         }
-        let has_power = |state: &ActuatorState| {
-            matches!(state, ActuatorState::On | ActuatorState::QuickStopped | ActuatorState::Relaxing)
-        };
         let others = self.reading.state.iter().enumerate().take(self.drive.n_actuators());
         let mut others = others.filter(|(k, _)| error.actuator() != Some(k + 1)).peekable();
-        if self.has_kept_power && others.peek().is_some() && others.all(|(_, state)| has_power(state)) {
+        if self.has_kept_power && others.peek().is_some() && others.all(|(_, state)| state.has_power()) {
             flags |= SlaveState::OTHERS_HOLD;
         }
         flags

@@ -128,6 +128,13 @@ pub enum ActuatorState {
     Relaxing = 7,
 }
 
+impl ActuatorState {
+    /// Whether it is under power by its own report.
+    pub fn has_power(self) -> bool {
+        matches!(self, Self::On | Self::QuickStopped | Self::Relaxing)
+    }
+}
+
 /// How far switching the power is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switching {

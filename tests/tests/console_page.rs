@@ -157,9 +157,10 @@ fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive
     let sender = ChainSender::start(&instance);
     let mut page = browser.page(&console.address, 1280, 800);
     let second = SlaveState::failed_drive_flags(2);
+    let others = SlaveState::power_flag(0) | SlaveState::power_flag(2);
     let mut shapes = Vec::new();
     for (own, shown, word, sentence) in [
-        (second | SlaveState::OTHERS_HOLD, "fault", "Fault", "Drive 2 failed; the others hold."),
+        (second | others | SlaveState::OTHERS_HOLD, "fault", "Fault", "Drive 2 failed; the others hold."),
         (second, "fault", "Fault", "Drive 2 failed; the others do not hold."),
         (
             second | SlaveState::HARDWARE_STOP | SlaveState::OTHERS_HOLD,
@@ -183,6 +184,10 @@ fn the_machines_emergency_stop_is_a_state_of_its_own_and_a_fault_names_its_drive
             ),
         );
         shapes.push(page.value("document.getElementById('glyph').innerHTML").to_string());
+        // Only where others have power it is told of one that it has none.
+        let told = page
+            .value("[...document.querySelectorAll('.newton')].map(own => own.textContent === 'no power told').join()");
+        assert_eq!(told, if own & others != 0 { "false,true,false" } else { "false,false,false" }, "{sentence}");
         for (width, height) in SIZES {
             page.resize(width, height);
             page.value("new Promise(done => setTimeout(done, 300))");

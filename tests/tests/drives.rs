@@ -127,6 +127,8 @@ fn follows_and_holds(make: ServoMake) {
     // The slave says so; the chain stays and does not move.
     std::thread::sleep(Duration::from_millis(1000));
     let held: Vec<f64> = emulator.wire().servos.iter().map(|servo| servo.place).collect();
+    let shown = Ended::of(&["state", "--json", "--instance", &instance], PATIENCE).json();
+    assert_eq!(shown["has_power"], serde_json::json!([true, false, true]), "{shown}");
     emulator.wire().servos[1].faults.is_silent = false;
     std::thread::sleep(Duration::from_millis(1000));
     let wire = emulator.wire().clone();

@@ -272,7 +272,9 @@ function numbers(frame) {
   bars.forEach(({ mm, newton }, i) => {
     const [q, tau] = [state?.q_m[i] ?? null, state?.tau_n[i] ?? null];
     write(mm, q === null ? '–' : signed(q * 1e3, 2));
-    write(newton, tau === null ? 'not measured' : `${signed(tau, 1)} N`);
+    // Where all or none have power the state tells it.
+    const isOff = state?.power.includes(true) && !state.power[i];
+    write(newton, isOff ? 'no power told' : tau === null ? 'not measured' : `${signed(tau, 1)} N`);
   });
   const text = frame.joints?.measured && facts.joints?.segments.length
     ? `The segments bend ${pairs(frame.joints.measured).map(own => degrees(Math.hypot(...own)).toFixed(0)).join(' and ')} degrees.`

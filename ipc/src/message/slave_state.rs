@@ -20,7 +20,7 @@ pub struct SlaveState {
     pub operating_state: u32,
     /// Bits of [`SlaveState::IS_HOMED`], [`SlaveState::IS_BUSY`], [`SlaveState::FOLLOWING`], [`SlaveState::ENGAGED`],
     /// [`SlaveState::COMMAND_REFUSED`], [`SlaveState::JAW_FOLLOWING`]; in FAULT also of [`SlaveState::HARDWARE_STOP`], [`SlaveState::OTHERS_HOLD`] and the number of
-    /// [`SlaveState::failed_drive`].
+    /// [`SlaveState::failed_drive`]; and from bit 16 on which actuators are under power ([`SlaveState::has_power`]).
     pub flags: u32,
     /// The operating state that was asked for last, see [`OperatingState`]; after a fault the two differ.
     pub desired_state: u32,
@@ -77,6 +77,21 @@ impl SlaveState {
     /// Place of the failed drive's number among the flags.
     const FAILED_DRIVE_SHIFT: u32 = 8;
     const FAILED_DRIVE_MASK: u32 = 0xF;
+
+    /// Place of the first actuator's power among the flags.
+    const POWER_SHIFT: usize = 16;
+
+    /// The flags' bit of an actuator under power, from 0.
+    pub fn power_flag(actuator: usize) -> u32 {
+        const { assert!(Self::POWER_SHIFT + super::MAX_ACTUATORS <= u32::BITS as usize) };
+        1 << (Self::POWER_SHIFT + actuator.min(super::MAX_ACTUATORS - 1))
+    }
+
+    /// Of each actuator whether it is under power by its drive's own report.
+    pub fn has_power(&self) -> impl Iterator<Item = bool> {
+        let n = super::n_actuators(self.n_actuators).min(super::MAX_ACTUATORS);
+        (0..n).map(|actuator| self.flags & Self::power_flag(actuator) != 0)
+    }
 
     /// The flags' bits for a failed drive, from 1.
     pub fn failed_drive_flags(drive: usize) -> u32 {

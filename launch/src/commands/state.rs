@@ -125,6 +125,8 @@ struct Shown {
     is_rotation_locked: Option<bool>,
     /// What `home` came to, where it moved nothing; none but after it.
     note: Option<&'static str>,
+    /// Of each actuator whether it is under power by its drive's own report.
+    has_power: Vec<bool>,
     /// What the drives say of their failure; none but in FAULT.
     failure: Option<String>,
     /// Why nothing moves, or why motion is limited.
@@ -256,6 +258,7 @@ impl View {
             is_translation_locked: None,
             is_rotation_locked: None,
             note: None,
+            has_power: state.has_power().collect(),
             failure: (state.operating() == Some(OperatingState::Fault)).then(|| fault_sentence(&state)),
             reasons: reasons.iter().map(held).collect(),
         })
@@ -284,6 +287,13 @@ impl Shown {
         }
         if let Some(note) = self.note {
             text += &format!("  {note}\n");
+        }
+        let off: Vec<String> =
+            (1..).zip(&self.has_power).filter(|(_, has)| !**has).map(|(k, _)| k.to_string()).collect();
+        // All or none is told by the state.
+        if !off.is_empty() && off.len() < self.has_power.len() {
+            text +=
+                &format!("  No power is told of actuator {}, which may have failed or be silent.\n", off.join(", "));
         }
         if let Some(failure) = &self.failure {
             text += &format!("  {failure}\n");

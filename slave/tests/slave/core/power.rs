@@ -72,6 +72,7 @@ fn a_state_says_that_hardware_took_the_power_until_the_fault_is_cleared_and_neve
 fn drives_that_hold_on_a_fault_keep_their_power_and_go_on_only_when_enabled_anew() {
     let mut bench = Bench::with(Mock { holds: true, ..Mock::default() });
     bench.ramp(0.0, 1e-3);
+    assert_eq!(bench.tick().has_power().collect::<Vec<_>>(), [true; 3]);
     let failure = DriveError::Lost { actuator: 2, silent_ms: 15.0 };
     bench.core.drive_mut().failure = Some(failure);
     let state = bench.tick();
@@ -86,6 +87,7 @@ fn drives_that_hold_on_a_fault_keep_their_power_and_go_on_only_when_enabled_anew
     assert!(state.flags & SlaveState::IS_HOMED == 0, "a fault forgets the zero");
     bench.core.transition(Transition::ClearFault, bench.now_ns).unwrap();
     assert!(!bench.core.drive().powered);
+    assert_eq!(bench.tick().has_power().collect::<Vec<_>>(), [false; 3]);
     bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
     assert!(bench.tick().flags & SlaveState::IS_HOMED != 0);
 }
