@@ -1,7 +1,6 @@
 //! A camera that was mounted anew for a recording: it sees every bend by the same angles otherwise than the first recording's did.
 
 use crate::Measurements;
-use core::fmt::Write;
 
 /// By how much a recording's camera sees every output larger, rad, one for each output; empty: not at all.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,12 +25,8 @@ impl CameraOffset {
 
     /// The angles as the option `--camera-offset` has them: degrees, with commas between.
     pub fn words(&self) -> String {
-        let mut words = String::new();
-        for own in &self.0 {
-            let comma = if words.is_empty() { "" } else { "," };
-            let _ = write!(words, "{comma}{:.4}", own.to_degrees());
-        }
-        if words.is_empty() { "0".to_owned() } else { words }
+        let words: Vec<String> = self.0.iter().map(|own| format!("{:.4}", own.to_degrees())).collect();
+        if words.is_empty() { "0".to_owned() } else { words.join(",") }
     }
 
     pub(crate) fn to_json(&self) -> serde_json::Value {

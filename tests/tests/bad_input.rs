@@ -254,8 +254,10 @@ fn a_full_disk_stops_the_recording_and_never_the_motion() {
     );
     let figures = ended.json();
     assert_eq!(figures["recording_is_whole"], false);
-    assert!(figures["samples"]["received"].as_u64().is_some_and(|n| n > 5000), "the motion went on: {figures}");
     let contents = opened.expect("what was recorded is readable");
     let n_commands = contents.contents().channels[&krait_schema::Channel::Command].n_messages;
     assert!(n_commands > 500, "{n_commands} commands were kept");
+    // More than a second of the six at least, also where the processes took long to start.
+    let n_received = figures["samples"]["received"].as_u64().unwrap_or_default();
+    assert!(n_received > n_commands + 1000, "the motion went on: {n_commands} commands were kept, {figures}");
 }
