@@ -5,23 +5,16 @@
 //! effect `latency` has them.
 
 use super::answer::{Calibration, Diagnosis};
-use super::rest::{Rest, on_working_rows, variables};
+use super::rest::{ERRORS, LEAST_SHARE, MOST_STEPS, Rest, SMALL_STEP, badness, on_working_rows, variables};
 use super::whole::DiagnoseOptions;
 use crate::clock::ClockOffset;
-use crate::fit::{Fit, dot, fit, fit_to_end};
+use crate::fit::{Fit, fit, fit_to_end};
 use crate::machine::MachineUnderTest;
 use crate::stage::stage;
 use crate::{LabError, Measurements, Problem};
 
-/// A shift or a rate counts from so many standard errors on ...
-const ERRORS: f64 = 4.0;
-/// ... and from this share on that it takes away of what the effects leave.
-const LEAST_SHARE: f64 = 0.02;
-/// Steps towards a clock, each with the effects fitted again, and searches.
-const MOST_STEPS: usize = 4;
+/// Searches for a clock.
 const MOST_SEARCHES: usize = 4;
-/// A step of less than this many standard errors is the last.
-const SMALL_STEP: f64 = 0.3;
 /// Speeds are differences over at least this time: encoders have noise.
 const SPEED_OVER_S: f64 = 0.04;
 
@@ -54,7 +47,7 @@ pub(super) fn by_own_clock(
         let Some(found) = settled(machine, data, options, &last, &values)? else { break };
         last = by_one_clock(&data.by_clocks(&found.values, &firsts))?;
         values.clone_from(&found.values);
-        if badness(&last) < badness(&best) {
+        if badness(&last, 0) < badness(&best, 0) {
             (best, clocks) = (last.clone(), Some(found));
         }
     }
@@ -68,12 +61,6 @@ pub(super) fn by_own_clock(
     best.clocks = clocks.values;
     best.as_given_rms = as_given_rms;
     Ok(best)
-}
-
-/// Mean square that a diagnosis leaves, with a price for each effect.
-fn badness(own: &Diagnosis) -> f64 {
-    let n_effects = own.effects.len() + own.partial.len();
-    own.final_heldout_rms.powi(2) * (1.0 + LEAST_SHARE).powf(n_effects as f64)
 }
 
 /// The clocks that go with the effects of a diagnosis by these clocks; `None` where they are what they were.
@@ -173,8 +160,7 @@ impl Step {
 
     /// Which numbers are beyond doubt: measurements that come ahead, and clocks of another rate.
     fn told(&self) -> Vec<[bool; 2]> {
-        let (_, without) = self.rest.solved(&[]);
-        let left = dot(&self.rest.residual, &self.rest.residual) - without;
+        let left = self.rest.left();
         let told = |k: usize| {
             let (shift, rate) = (&self.columns[2 * k], &self.columns[2 * k + 1]);
             let (step, both) = self.rest.solved(&[shift, rate]);

@@ -4,22 +4,16 @@
 //! What a column of the recordings explains (temperature, the stem's angle) is explained first: only what the effects leave is asked.
 
 use super::answer::{Calibration, Diagnosis};
-use super::rest::{Rest, on_working_rows, variables};
+use super::rest::{ERRORS, LEAST_SHARE, MOST_STEPS, Rest, SMALL_STEP, badness, on_working_rows, variables};
 use super::whole::DiagnoseOptions;
 use crate::camera::CameraOffset;
-use crate::fit::{dot, fit, fit_to_end};
+use crate::fit::{fit, fit_to_end};
 use crate::machine::MachineUnderTest;
 use crate::stage::stage;
 use crate::{LabError, Measurements, Problem, Quantity};
 
-/// An angle counts from so many standard errors on, and a camera from this share on that it takes away of what the effects leave.
-const ERRORS: f64 = 4.0;
-const LEAST_SHARE: f64 = 0.02;
-/// Steps towards the angles, each with the effects fitted again, and searches.
-const MOST_STEPS: usize = 4;
+/// Searches for the angles.
 const MOST_SEARCHES: usize = 3;
-/// A step of less than this many standard errors is the last.
-const SMALL_STEP: f64 = 0.3;
 
 /// Where the cameras stand, with standard errors; zero where a camera stands as the first recording's.
 struct Cameras {
@@ -52,7 +46,9 @@ pub(super) fn by_own_camera(
         let Some(found) = settled(machine, data, options, &last, &values)? else { break };
         last = by_one_camera(&data.by_cameras(&found.values, &firsts))?;
         values.clone_from(&found.values);
-        if badness(&last, &values) < badness(&best, cameras.as_ref().map_or(&[], |own: &Cameras| &own.values)) {
+        if badness(&last, n_moved(&values))
+            < badness(&best, cameras.as_ref().map_or(0, |own: &Cameras| n_moved(&own.values)))
+        {
             (best, cameras) = (last.clone(), Some(found));
         }
     }
@@ -64,11 +60,8 @@ pub(super) fn by_own_camera(
     Ok(best)
 }
 
-/// Mean square that a diagnosis leaves, with a price for each effect and for each camera that was moved.
-fn badness(own: &Diagnosis, cameras: &[CameraOffset]) -> f64 {
-    let n_moved = cameras.iter().filter(|camera| !camera.is_none()).count();
-    let n = own.effects.len() + own.partial.len() + n_moved;
-    own.final_heldout_rms.powi(2) * (1.0 + LEAST_SHARE).powf(n as f64)
+fn n_moved(cameras: &[CameraOffset]) -> usize {
+    cameras.iter().filter(|camera| !camera.is_none()).count()
 }
 
 /// The angles that go with the effects of a diagnosis by these angles; `None` where they are what they were.
@@ -145,8 +138,7 @@ fn told(problem: &Problem, rest: &Rest, columns: &[Vec<Vec<f64>>]) -> Vec<bool> 
     let all: Vec<&Vec<f64>> = columns.iter().skip(1).flatten().collect();
     let (step, gain) = rest.solved(&all);
     let errors = rest.errors_of(problem, &all);
-    let (_, without) = rest.solved(&[]);
-    let left = dot(&rest.residual, &rest.residual) - without;
+    let left = rest.left();
     let n = columns.first().map_or(0, Vec::len);
     let is_told = |place: usize| {
         let own = place * n..(place + 1) * n;

@@ -3,17 +3,30 @@
 use super::answer::Diagnosis;
 use super::whole::DiagnoseOptions;
 use super::working::working_rows;
-use crate::fit::{Fit, Variable, inverse, normal_equations, standard_errors};
+use crate::fit::{Fit, Variable, dot, inverse, normal_equations, standard_errors};
 use crate::free::free_variables;
 use crate::machine::MachineUnderTest;
 use crate::prepare::{Prepared, prepare};
 use crate::{LabError, Measurements, Problem};
 use nalgebra::DVector;
 
+/// What is calibration counts from so many standard errors on, and from this share on that it takes away of what the effects leave.
+pub(super) const ERRORS: f64 = 4.0;
+pub(super) const LEAST_SHARE: f64 = 0.02;
+/// Steps towards it, each with the effects fitted again; one of less than this many standard errors is the last.
+pub(super) const MOST_STEPS: usize = 4;
+pub(super) const SMALL_STEP: f64 = 0.3;
+
+/// Mean square that a diagnosis leaves, with a price for each effect and for each part of the data that was moved.
+pub(super) fn badness(own: &Diagnosis, n_moved: usize) -> f64 {
+    let n = own.effects.len() + own.partial.len() + n_moved;
+    own.final_heldout_rms.powi(2) * (1.0 + LEAST_SHARE).powf(n as f64)
+}
+
 /// Residual of a fit, and what its numbers would change of it.
 pub(super) struct Rest {
-    pub(super) slopes: Vec<Vec<f64>>,
-    pub(super) residual: Vec<f64>,
+    slopes: Vec<Vec<f64>>,
+    residual: Vec<f64>,
 }
 
 impl Rest {
@@ -34,6 +47,11 @@ impl Rest {
     pub(super) fn solved(&self, columns: &[&Vec<f64>]) -> (DVector<f64>, f64) {
         let (_, step, gain) = self.together(columns);
         (step.rows(0, columns.len()).into_owned(), gain)
+    }
+
+    /// Squares that the slopes alone leave.
+    pub(super) fn left(&self) -> f64 {
+        dot(&self.residual, &self.residual) - self.solved(&[]).1
     }
 
     /// Standard errors of the numbers of these columns, beside the slopes, with what the step that they ask for leaves: what such a number
