@@ -63,6 +63,20 @@ pub(super) fn by_own_clock(
     Ok(best)
 }
 
+/// The clock of a part of one recording by a diagnosis that has not seen it; `None` where it is that of the commands.
+///
+/// # Errors
+/// [`LabError`] where the model as given cannot be computed.
+pub(super) fn clock_of_part(
+    machine: &dyn MachineUnderTest,
+    part: &Measurements,
+    options: &DiagnoseOptions,
+    diagnosis: &Diagnosis,
+) -> Result<Option<ClockOffset>, LabError> {
+    let found = settled(machine, part, options, diagnosis, &[ClockOffset::default()])?;
+    Ok(found.and_then(|own| own.values.first().copied()))
+}
+
 /// The clocks that go with the effects of a diagnosis by these clocks; `None` where they are what they were.
 fn settled(
     machine: &dyn MachineUnderTest,

@@ -5,6 +5,7 @@
 //! diagnosis is done once more without the locked part, and the model that it ends with predicts that part.
 
 use super::answer::{Diagnosis, Verdict};
+use super::own_third::by_own_third;
 use super::whole::{DiagnoseOptions, open_diagnosis};
 use crate::joint::{calibrated, has_starts, with_starts};
 use crate::machine::{JointsLab, MachineUnderTest};
@@ -18,8 +19,8 @@ use crate::{LabError, Measurements, Term};
 const LEAST_TIMES: f64 = 30.0;
 /// One part of so many is locked of a single trial.
 const PARTS: usize = 5;
-/// Where hysteresis begins in a locked trial no model can know, nor gain and offset of the joints in a locked recording: they are sought
-/// in one part of so many, which then does not count.
+/// Where hysteresis begins in a locked trial no model can know, nor what a locked recording has of its own (gain and offset of joints;
+/// where its camera stood, and its clock): they are sought in one part of so many, which then does not count.
 const START_PARTS: usize = 3;
 /// Fewer measured rows say nothing.
 const FEWEST_ROWS: usize = 30;
@@ -94,11 +95,16 @@ fn of_recording(
     stage("All once more without the last recording");
     let open = open_diagnosis(machine, &rows(data, 0..first), options)?;
     let there = rows(data, first..data.n_rows());
+    let there = Measurements { trial: there.trial.iter().map(|own| own - there.trial[0]).collect(), ..there };
     let from = there.n_rows() / START_PARTS;
     let begin = rows(&there, 0..from);
     let predicted = |terms: &[Term]| match machine.as_joints() {
         Some(joints) => Scored::new(&calibrated(&joints.with_effects(terms), &begin)?, &there, from)?.rms(terms),
-        None => Scored::new(machine, &there, from)?.rms(terms),
+        None => {
+            let moved = by_own_third(machine, (&begin, &there), options, &open, terms)?;
+            let from = row_at(&moved, there.trial[from], there.time_s[from]);
+            Scored::new(machine, &moved, from)?.rms(terms)
+        }
     };
     judged(LockedPart::Recording, &open, machine.effects().len(), predicted)
 }
@@ -132,8 +138,10 @@ fn of_end(
     let all = data.by_clocks(&open.clocks, &[0]);
     let locked_time_s = data.time_s[first];
     let trial = data.trial[first];
-    let first = (0..all.n_rows()).find(|&row| all.trial[row] == trial && all.time_s[row] >= locked_time_s);
-    let Some(first) = first else { return Ok(None) };
+    let first = row_at(&all, trial, locked_time_s);
+    if first == all.n_rows() {
+        return Ok(None);
+    }
     let joints = open.calibrated.as_ref().or(machine.as_joints());
     let began = joints
         .filter(|_| is_trial && has_starts(&open.terms, data.n_inputs))
@@ -174,6 +182,13 @@ impl<'a> Scored<'a> {
 
 fn rows(data: &Measurements, range: core::ops::Range<usize>) -> Measurements {
     data.select(&range.collect::<Vec<_>>())
+}
+
+/// The first row of a trial from a time on, behind the last one where there is none: rows of measurements that a clock has moved stand
+/// between those of the commands.
+fn row_at(data: &Measurements, trial: u32, time_s: f64) -> usize {
+    let is_there = |row: &usize| data.trial[*row] == trial && data.time_s[*row] >= time_s;
+    (0..data.n_rows()).find(is_there).unwrap_or(data.n_rows())
 }
 
 /// The first row of the locked part: it goes to the end.

@@ -38,6 +38,7 @@ mod mixture;
 mod model_free;
 mod omitted;
 mod own_camera;
+mod own_third;
 mod periodic;
 mod recordings;
 mod rest;

@@ -15,8 +15,16 @@ fn together(etas: &[f64]) -> Diagnosis {
 }
 
 fn diagnosed(first: Measurements, others: impl IntoIterator<Item = Measurements>) -> Diagnosis {
+    diagnosed_with(DiagnoseOptions::default(), first, others)
+}
+
+fn diagnosed_with(
+    options: DiagnoseOptions,
+    first: Measurements,
+    others: impl IntoIterator<Item = Measurements>,
+) -> Diagnosis {
     let (data, recordings) = Measurements::joined(first, others);
-    diagnose(&lab(), &data, &DiagnoseOptions { recordings, ..DiagnoseOptions::default() }).unwrap()
+    diagnose(&lab(), &data, &DiagnoseOptions { recordings, ..options }).unwrap()
 }
 
 fn odd(found: &Diagnosis) -> Vec<&str> {
@@ -67,7 +75,7 @@ fn by_cameras(offsets_deg: [[f64; 2]; 2]) -> Diagnosis {
         made.outputs.iter_mut().enumerate().for_each(seen);
         Measurements { source: format!("run{k}.csv"), ..made }
     };
-    diagnosed(one(0), [one(1)])
+    diagnosed_with(DiagnoseOptions { is_locked: true, ..DiagnoseOptions::default() }, one(0), [one(1)])
 }
 
 fn names(found: &Diagnosis) -> Vec<&str> {
@@ -89,6 +97,10 @@ fn a_camera_that_was_mounted_anew_is_calibration_of_its_recording() {
     }
     assert!(found.cameras[0].is_none() && !found.cameras[1].is_none());
     assert!(found.cautions.iter().any(|own| own.contains("stood otherwise than in run0.csv")), "{:?}", found.cautions);
+    // The second recording is the one that no choice has seen: where its camera stands, its first third says.
+    let locked = found.locked.as_ref().unwrap();
+    assert_eq!(locked.effects, ["stiffness-scale"]);
+    assert!((locked.rms / noise_deg - 1.0).abs() < 0.06 && locked.base_rms > 2.0 * locked.rms, "{locked:?}");
 }
 
 #[test]

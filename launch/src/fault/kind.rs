@@ -1,5 +1,6 @@
 //! The faults that can be injected: where each strikes, what must become of the chain, and what must name it.
 
+use super::relay::BURST_NS;
 use clap::ValueEnum;
 use krait_ipc::{Process, Reason, Reasons};
 use serde::{Deserialize, Serialize};
@@ -22,7 +23,7 @@ pub enum Fault {
     Nan,
     /// A line's position is a metre.
     OutOfRange,
-    /// Nothing comes for 30 ms, then all of it at once, over and over.
+    /// Nothing comes for 20 ms, then all of it at once, over and over.
     Burst,
     /// One line goes the other way.
     ReversedAxis,
@@ -213,6 +214,11 @@ impl Fault {
     /// Whether a stall of so many seconds may be over before the watchdog ends the motion.
     pub fn may_pass(self, stall_s: f64) -> bool {
         matches!(self.row().0, FaultPlace::Process(_, Blow::Stall)) && stall_s < PASSES_S
+    }
+
+    /// The silence that it makes by itself, ns: so much less of the machine's own ends the motion.
+    pub fn silence_ns(self) -> i64 {
+        if self == Self::Burst { BURST_NS } else { 0 }
     }
 
     /// Its word on the command line.

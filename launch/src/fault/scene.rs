@@ -72,7 +72,8 @@ pub fn play(fault: Fault, moment: StrikeTime, folder: &Path, stop: &AtomicBool) 
         FaultPlace::Launch(blow) | FaultPlace::Console(blow) => scene.started_by_hand(place, blow),
         _ => scene.whole(place),
     }?;
-    let machine_pause_ms = seen.span_ns.map(|(from_ns, to_ns)| pauses.longest_ms(from_ns, to_ns)).unwrap_or_default();
+    let machine_pause_ms =
+        seen.span_ns.map(|span_ns| pauses.longest_ms(span_ns, fault.silence_ns())).unwrap_or_default();
     let unreadable = fault.leaves_recording().then(|| read_through(&recording_in(fault, folder)).err()).flatten();
     Ok(Observed {
         left: scene.left()?,
