@@ -148,7 +148,9 @@ pub(crate) fn next_answer<'a>(received: &'a [u8], at: &mut usize, n_data: usize)
         *at += n_bytes;
         // An error that only tells an alert is no part of the pattern, so that the data after it is stuffed by itself.
         if let Some((error, data)) = stuffed.split_first()
-            && (instruction == STATUS && id < ALL && error & 0x7F == 0)
+            && instruction == STATUS
+            && id < ALL
+            && error & 0x7F == 0
             && let Some(data) = plain_data(data).filter(|data| data.len() == n_data)
         {
             return Some(Answer { id, error: *error, data });
