@@ -162,6 +162,7 @@ impl<B: ActuatorBus> Cycles<B> {
 
     /// Sends what there is to send; the goals, where any were sent.
     fn tell(&mut self, now_ns: i64) -> Result<Option<Goals>, BusGone> {
+        self.fail_if_unled(now_ns);
         match self.phase {
             Phase::Off => {
                 // Off is wished for until it is seen: a servo that was switched by somebody else is none of ours.
@@ -182,7 +183,7 @@ impl<B: ActuatorBus> Cycles<B> {
                 let powered = (0..self.setup.n()).all(|k| is_powered[k] && !is_unguarded[k] && has_answered[k]);
                 if powered && self.has_switched {
                     self.phase = Phase::On;
-                    return self.follow(now_ns).map(Some);
+                    return self.tell(now_ns);
                 }
                 // Where they stand now, not where they once were told to go.
                 self.rest_where_seen();
@@ -202,13 +203,17 @@ impl<B: ActuatorBus> Cycles<B> {
         }
     }
 
-    /// Goes where the slave wants, or brakes.
-    fn follow(&mut self, now_ns: i64) -> Result<Goals, BusGone> {
+    /// A slave that is silent for too long is a failure like any other, before anything is told: what is told then is what a failure asks for.
+    fn fail_if_unled(&mut self, now_ns: i64) {
         let silent_ns = now_ns.saturating_sub(self.wish.stamp_ns);
-        if self.phase == Phase::On && silent_ns > self.setup.wish_ns {
+        if self.phase == Phase::On && !self.is_dry() && silent_ns > self.setup.wish_ns {
             let limit_ms = self.setup.wish_ns as f64 * 1e-6;
             self.fail(DriveError::Unled { silent_ms: silent_ns as f64 * 1e-6, limit_ms }, now_ns);
         }
+    }
+
+    /// Goes where the slave wants, or brakes.
+    fn follow(&mut self, now_ns: i64) -> Result<Goals, BusGone> {
         if self.wish.is_stopped {
             self.phase = Phase::Stopped;
         }

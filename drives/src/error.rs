@@ -279,6 +279,20 @@ pub enum OpenError {
         /// Its number on the bus.
         id: u8,
     },
+    /// A drive that limits its own speed to less than it is asked for.
+    #[error(
+        "actuator {actuator} (id {id}) limits its motor to {most_per_min} turns/min (object 6080), expected at least {least_per_min}, which its rate_m_per_s needs by counts_per_turn, gear and lead_m or spool_radius_m; raise that limit with its maker's tool, or lower rate_m_per_s"
+    )]
+    TooSlow {
+        /// Which, from 1.
+        actuator: usize,
+        /// Its number on the bus.
+        id: u8,
+        /// Its own limit, turns a minute.
+        most_per_min: u32,
+        /// What is needed, turns a minute.
+        least_per_min: u32,
+    },
     /// A drive refuses what it is told before it has power.
     #[error(
         "actuator {actuator} (id {id}) refuses object {index:04X}:{sub:02X} (abort code {code:#010X}: {meaning}); {advice}"

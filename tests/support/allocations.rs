@@ -39,6 +39,12 @@ pub fn allocations_of(work: impl FnOnce()) -> u64 {
     N_ALLOCATIONS.get() - before
 }
 
+/// What the calling thread has allocated since it began: for code that runs in a thread of somebody else's.
+#[allow(dead_code, reason = "each test program uses a part")]
+pub fn allocations_so_far() -> u64 {
+    N_ALLOCATIONS.get()
+}
+
 #[test]
 fn the_counter_counts() {
     assert_eq!(allocations_of(|| drop(std::hint::black_box(Box::new(7)))), 1);

@@ -12,6 +12,8 @@ mod gripper;
 mod groups;
 #[path = "drives/homing.rs"]
 mod homing;
+#[path = "drives/killed.rs"]
+mod killed;
 #[path = "drives/loads.rs"]
 mod loads;
 #[path = "drives/machines.rs"]
@@ -30,16 +32,12 @@ use krait_ipc::message::OperatingState;
 use krait_record::Recording;
 use krait_schema::Sample;
 use krait_tests::{Ended, Krait, TempFolder, instance_name, pid_of, wait_until};
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::Signal;
 use std::io::Write;
 use std::path::Path;
 
 const PATIENCE: Duration = Duration::from_secs(120);
 const ZERO: f64 = 2048.0;
-/// Of the configuration below.
-const PERIOD_NS: i64 = 20_000_000;
-/// Its rate of 10 mm/s, on a spool of 8 mm.
-const RATE_COUNTS_PER_S: f64 = 0.01 * 4096.0 / (core::f64::consts::TAU * 0.008);
 
 fn emulator(make: ServoMake) -> Emulator {
     Emulator::start(ServoWire::new((1..=3).map(|id| Servo::of(make, id, ZERO)).collect())).expect("a pseudo-terminal")
@@ -159,56 +157,6 @@ fn follows_and_holds(make: ServoMake) {
     let moved = before.iter().filter(|(_, told, read)| told[0].abs() > 5e-4 && (told[0] - read[0]).abs() < 1e-3);
     assert!(moved.count() > 100, "encoders follow the setpoint");
     cycles::are_whole_and_repeat_the_slave(make, &recording, &folder, &config);
-}
-
-#[test]
-fn a_slave_that_is_killed_in_motion_leaves_the_servos_at_their_last_goal() {
-    killed_in_motion(ServoMake::Sts3215);
-}
-
-#[test]
-fn a_slave_that_is_killed_in_motion_leaves_the_xl330_servos_at_their_last_goal() {
-    killed_in_motion(ServoMake::Xl330);
-}
-
-fn killed_in_motion(make: ServoMake) {
-    let (instance, folder, emulator) = (instance_name("killed"), TempFolder::new("killed"), emulator(make));
-    let krait = in_motion(&instance, &configuration(make, &folder, &emulator, ""), &folder.file("run.mcap"), &emulator);
-    let slave = || pid_of(&instance, "slave");
-    let pid = Pid::from_raw(slave().expect("a slave").cast_signed()).expect("a process id");
-    // The supervisor is stopped first, so that no second slave touches the bus.
-    krait.signal(Signal::STOP);
-    kill_process(pid, Signal::KILL).expect("the slave lives");
-    std::thread::sleep(Duration::from_millis(300));
-    let goals: Vec<i32> = emulator.wire().servos.iter().map(Servo::goal).collect();
-    let n_requests = emulator.wire().n_requests;
-    std::thread::sleep(Duration::from_millis(300));
-    let wire = emulator.wire().clone();
-    assert_eq!(wire.n_requests, n_requests, "nobody speaks any more");
-    // When it was told, the last goal was at most a period of travel away, and so much longer as the bus was late itself. The slave
-    // ticks once a millisecond, and a goal is a whole count.
-    for (servo, goal) in wire.servos.iter().zip(&goals) {
-        let [last, before, earlier] = servo.told;
-        assert!(servo.is_powered() && servo.goal() == *goal && last.goal == *goal && *goal > 0);
-        let periods_ns = [last.at_ns - before.at_ns, last.at_ns - earlier.at_ns];
-        // One that came early found the servo still on the way to the goal before.
-        let period_ns = periods_ns[usize::from(periods_ns[0] < PERIOD_NS)].max(PERIOD_NS);
-        let travel = RATE_COUNTS_PER_S * (period_ns as f64 * 1e-9 + 2e-3) + 1.0;
-        assert!((last.place - f64::from(*goal)).abs() <= travel, "{:?}: more than {travel} counts", servo.told);
-    }
-    let moving = wire.servos.iter().filter(|servo| servo.told[0].place.round() != f64::from(servo.goal()));
-    assert!(moving.count() > 0, "killed in motion: {:?}", wire.servos);
-    // Who looks now finds each at its last goal; a look tells nothing.
-    let port = emulator.path().display().to_string();
-    let found = Ended::of(&["drives", "--port", &port, "--last-id", "3", "--json"], PATIENCE).json();
-    for (servo, goal) in found.as_array().expect("servos").iter().zip(&goals) {
-        assert_eq!((&servo["reading"]["counts"], &servo["reading"]["is_powered"]), (&(*goal).into(), &true.into()));
-    }
-    let told = |wire: &ServoWire| wire.servos.iter().map(|servo| servo.n_goals).collect::<Vec<_>>();
-    assert_eq!(told(&emulator.wire()), told(&wire), "nothing was told");
-    krait.signal(Signal::CONT);
-    krait.signal(Signal::INT);
-    krait.end(PATIENCE);
 }
 
 #[test]

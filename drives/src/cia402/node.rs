@@ -7,7 +7,7 @@ use super::states::{
     DISABLE_VOLTAGE, ENABLE, QUICK_STOP, State, has_torque, has_voltage, is_behind, is_enabled, is_failed, state,
     toward_enabled,
 };
-use super::steps::{Need, Step};
+use super::steps::{MAX_MOTOR_SPEED, Need, Step, TURNS_PER_MINUTE, VELOCITY_UNIT};
 use crate::bus::Trouble;
 use crate::texts;
 
@@ -41,8 +41,20 @@ pub(crate) enum Order {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
     Silent,
-    Differs { place: Place, found: u32, expected: u32 },
-    Aborted { place: Place, code: u32 },
+    Differs {
+        place: Place,
+        found: u32,
+        expected: u32,
+    },
+    Aborted {
+        place: Place,
+        code: u32,
+    },
+    /// Turns a minute.
+    TooSlow {
+        most_per_min: u32,
+        least_per_min: u32,
+    },
 }
 
 /// A drive.
@@ -59,6 +71,8 @@ pub(crate) struct Node {
     /// Answers about objects that nobody asked for.
     pub n_stray: u32,
     pub rated_torque_nm: f64,
+    /// What its numbers of velocities are; 0: it does not say.
+    velocity_unit: u32,
     pub status: u16,
     pub counts: i32,
     pub torque: i16,
@@ -97,6 +111,7 @@ impl Node {
             refusal: None,
             n_stray: 0,
             rated_torque_nm,
+            velocity_unit: 0,
             status: 0,
             counts: 0,
             torque: 0,
@@ -188,6 +203,8 @@ impl Node {
         Some(match step {
             Step::Write { place, value, n_bytes, .. } => download(self.id, place, value, n_bytes),
             Step::Expect { place, .. } | Step::RatedTorque { place } => upload(self.id, place),
+            Step::VelocityUnit => upload(self.id, VELOCITY_UNIT),
+            Step::MotorSpeed { .. } => upload(self.id, MAX_MOTOR_SPEED),
             Step::Manage(command) => manage(self.id, command),
         })
     }
@@ -228,6 +245,8 @@ impl Node {
         let step = self.steps.get(self.step).copied().filter(|_| self.asked_ns.is_some());
         let place = match step {
             Some(Step::Expect { place, .. } | Step::RatedTorque { place } | Step::Write { place, .. }) => place,
+            Some(Step::VelocityUnit) => VELOCITY_UNIT,
+            Some(Step::MotorSpeed { .. }) => MAX_MOTOR_SPEED,
             _ => return self.n_stray = self.n_stray.saturating_add(1),
         };
         let Some(reply) = reply(data, place) else { return self.n_stray = self.n_stray.saturating_add(1) };
@@ -239,7 +258,17 @@ impl Node {
                 self.rated_torque_nm = f64::from(milli) * 1e-3;
                 self.done();
             }
-            (Some(Step::RatedTorque { .. }), _) => self.done(),
+            (Some(Step::VelocityUnit), reply) => {
+                self.velocity_unit = if let Reply::Value(unit) = reply { unit } else { 0 };
+                self.done();
+            }
+            // 0 is no limit that anybody has told.
+            (Some(Step::MotorSpeed { least_per_min }), Reply::Value(most_per_min))
+                if self.velocity_unit == TURNS_PER_MINUTE && (1..least_per_min).contains(&most_per_min) =>
+            {
+                self.refuse(Refusal::TooSlow { most_per_min, least_per_min });
+            }
+            (Some(Step::RatedTorque { .. } | Step::MotorSpeed { .. }), _) => self.done(),
             (
                 Some(Step::Expect { need: Need::May, .. } | Step::Write { need: Need::May, .. }),
                 Reply::Aborted(code),

@@ -116,10 +116,14 @@ impl<W: Wire> Cia402<W> {
 
     fn on(config: &SlaveConfig, wire: W) -> Result<Self, OpenError> {
         let drive = &config.drive;
-        let mut nodes = Vec::new();
+        let (rates_m_per_s, mut nodes) = (config.rates_m_per_s(), Vec::new());
         for (k, actuator) in drive.actuator.iter().enumerate() {
             let units = Units::endless(actuator, k + 1)?;
-            nodes.push(Node::new(actuator.id as u8, steps(config, actuator, &units)?, actuator.rated_torque_nm));
+            nodes.push(Node::new(
+                actuator.id as u8,
+                steps(config, actuator, &units, rates_m_per_s[k])?,
+                actuator.rated_torque_nm,
+            ));
         }
         Ok(Self {
             cycled_ns: wire.now_ns(),
@@ -208,6 +212,9 @@ pub(super) fn refused(actuator: usize, id: u8, refusal: Refusal) -> OpenError {
             OpenError::OtherDrive { actuator, id, what, found, expected }
         }
         Refusal::Differs { .. } => OpenError::NoCyclicPosition { actuator, id },
+        Refusal::TooSlow { most_per_min, least_per_min } => {
+            OpenError::TooSlow { actuator, id, most_per_min, least_per_min }
+        }
         Refusal::Aborted { place: (index, sub), code } => {
             let advice = if (index, sub) == super::steps::MAX_TORQUE {
                 "set torque_limit = 1.0 to do without a limit of torque in the drive"

@@ -3,7 +3,7 @@
 use super::frame::{Frame, Heard, Said, hear};
 use super::open::LISTEN_NS;
 use super::sdo::{Place, Reply, download, reply, upload};
-use super::steps::{DEVICE_TYPE, PRODUCT, PROFILE, SERIAL, VENDOR};
+use super::steps::{DEVICE_TYPE, MAX_MOTOR_SPEED, PRODUCT, PROFILE, SERIAL, TURNS_PER_MINUTE, VELOCITY_UNIT, VENDOR};
 use super::wire::Wire;
 use crate::bus::BusGone;
 use crate::error::OpenError;
@@ -29,9 +29,18 @@ pub struct FoundDrive {
     pub product: u32,
     /// Serial number; 0: it tells none.
     pub serial: u32,
+    /// Its own limit of its motor's speed (object 6080), in the unit below; `None`: it tells none.
+    pub most_speed: Option<u32>,
+    /// What its numbers of velocities are (object 60A9); `None`: it does not say.
+    pub velocity_unit: Option<u32>,
 }
 
 impl FoundDrive {
+    /// Whether the unit of its limit of speed is certain: turns a minute.
+    pub fn is_in_turns_per_minute(&self) -> bool {
+        self.velocity_unit == Some(TURNS_PER_MINUTE)
+    }
+
     /// Whether it is a drive that krait knows how to move.
     pub fn is_known(&self) -> bool {
         u32::from(self.profile) == PROFILE
@@ -65,7 +74,14 @@ pub fn scan<W: Wire>(wire: &mut W, last_id: u8) -> Result<Vec<FoundDrive>, OpenE
         let Some(device) = value(wire, id, DEVICE_TYPE)? else { continue };
         let mut part = |place| value(wire, id, place).map(Option::unwrap_or_default);
         let (vendor, product, serial) = (part(VENDOR)?, part(PRODUCT)?, part(SERIAL)?);
-        found.push(FoundDrive { id, profile: device as u16, vendor, product, serial });
+        let mut drive =
+            FoundDrive { id, profile: device as u16, vendor, product, serial, most_speed: None, velocity_unit: None };
+        // A stranger's objects mean something else.
+        if drive.is_known() {
+            drive.most_speed = value(wire, id, MAX_MOTOR_SPEED)?.filter(|most| *most > 0);
+            drive.velocity_unit = value(wire, id, VELOCITY_UNIT)?;
+        }
+        found.push(drive);
     }
     Ok(found)
 }

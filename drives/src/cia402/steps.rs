@@ -30,6 +30,14 @@ pub(crate) const METHOD_HERE: u32 = 37;
 pub(crate) const MAX_TORQUE: Place = (0x6072, 0);
 const RATED_TORQUE: Place = (0x6076, 0);
 const SUPPORTED_MODES: Place = (0x6502, 0);
+/// The drive's own limit of its motor's speed.
+pub(crate) const MAX_MOTOR_SPEED: Place = (0x6080, 0);
+/// What a drive's numbers of velocities are, and the value for turns a minute.
+pub(crate) const VELOCITY_UNIT: Place = (0x60A9, 0);
+pub(crate) const TURNS_PER_MINUTE: u32 = 0x00B4_4700;
+
+/// A limit that is exactly what is needed is enough, whatever the product rounds to.
+const ROUNDING: f64 = 1.0 - 1e-9;
 
 /// One step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +46,10 @@ pub(crate) enum Step {
     Expect { place: Place, mask: u32, value: u32, need: Need },
     /// The torque that loads are parts of, mN m, is read, where the drive knows it.
     RatedTorque { place: Place },
+    /// What its numbers of velocities are is read, where the drive says so.
+    VelocityUnit,
+    /// Its own limit of speed must be so many turns a minute at least, where it has one and says that this is its unit.
+    MotorSpeed { least_per_min: u32 },
     /// An object gets a value.
     Write { place: Place, value: u32, n_bytes: u8, need: Need },
     /// A command of the network's management.
@@ -55,9 +67,16 @@ pub(crate) enum Need {
 
 /// All steps for one drive, in order.
 ///
+/// `rate_m_per_s` is how fast it shall be able to go.
+///
 /// # Errors
 /// [`OpenError::BusPeriod`] where the period cannot be told to drives.
-pub(crate) fn steps(config: &SlaveConfig, actuator: &ActuatorConfig, units: &Units) -> Result<Vec<Step>, OpenError> {
+pub(crate) fn steps(
+    config: &SlaveConfig,
+    actuator: &ActuatorConfig,
+    units: &Units,
+    rate_m_per_s: f64,
+) -> Result<Vec<Step>, OpenError> {
     let mut steps = vec![expect(DEVICE_TYPE, 0xFFFF, PROFILE, Need::Must)];
     for (place, value) in [(VENDOR, actuator.vendor), (PRODUCT, actuator.product)] {
         steps.extend(value.map(|value| expect(place, u32::MAX, value, Need::Must)));
@@ -65,6 +84,9 @@ pub(crate) fn steps(config: &SlaveConfig, actuator: &ActuatorConfig, units: &Uni
     // Bit 7: cyclic synchronous position.
     steps.push(expect(SUPPORTED_MODES, 1 << 7, 1 << 7, Need::May));
     steps.push(Step::RatedTorque { place: RATED_TORQUE });
+    let turns_per_s = units.magnitude_counts(rate_m_per_s) / f64::from(actuator.counts_per_turn.max(1));
+    let least_per_min = (60.0 * turns_per_s * ROUNDING).ceil().clamp(0.0, f64::from(u32::MAX)) as u32;
+    steps.extend([Step::VelocityUnit, Step::MotorSpeed { least_per_min }]);
     // Cyclic frames stop while what is in them is chosen.
     steps.push(Step::Manage(Nmt::PreOperational));
     steps.extend(on_its_own(config, actuator, units));

@@ -10,6 +10,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::sync::Mutex;
 
 mod jitter;
+mod lets_go;
 
 const MS: i64 = 1_000_000;
 

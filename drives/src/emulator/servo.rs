@@ -73,6 +73,8 @@ pub struct Servo {
     pub n_goals: u64,
     /// The newest of them, and the two before.
     pub told: [ToldGoal; 3],
+    /// All of them from the first on, where somebody wants them kept.
+    pub all_told: Option<Vec<ToldGoal>>,
     /// What it presses with against a stop, as `load`.
     pub(super) pressed: f64,
     pub(super) make: ServoMake,
@@ -98,6 +100,7 @@ impl Servo {
             stops: [f64::NEG_INFINITY, f64::INFINITY],
             n_goals: 0,
             told: [ToldGoal::default(); 3],
+            all_told: None,
             pressed: 0.0,
             make,
             stepped_ns: None,
@@ -166,6 +169,7 @@ impl Servo {
             self.n_goals += 1;
             let newest = ToldGoal { at_ns: self.stepped_ns.unwrap_or(0), place: self.place, goal: self.goal() };
             self.told = [newest, self.told[0], self.told[1]];
+            self.all_told.iter_mut().for_each(|all| all.push(newest));
         }
         if (address..end).contains(&torque) && self.is_powered() && self.make == ServoMake::Sts3215 {
             // Power that is switched on again forgives the overload.

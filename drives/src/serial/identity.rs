@@ -107,7 +107,7 @@ pub(crate) fn settings(line: &mut Line, block: Block, how: Ask) -> Result<Vec<Ve
     for _ in 0..how.tries {
         let is_whole = line.ask_all_for(block, patience_ns)?;
         for (k, answer) in line.answers(block.n) {
-            found[k] = Some(answer.data.into_owned());
+            found[k] = Some(answer.data.to_vec());
         }
         if !is_whole {
             line.recover()?;

@@ -21,8 +21,9 @@ pub(crate) struct Line {
     baud: u32,
     pub(crate) ids: Vec<u8>,
     pub(crate) timeout_ns: i64,
-    /// The newest question, and what was received since.
+    /// The newest question, its parameters, and what was received since. All three are used again and again: a cycle allocates nothing.
     bytes: Vec<u8>,
+    parts: Vec<u8>,
     received: Vec<u8>,
 }
 
@@ -49,6 +50,7 @@ impl Line {
             ids,
             timeout_ns: timeout.as_nanos() as i64,
             bytes: Vec::with_capacity(512),
+            parts: Vec::with_capacity(512),
             received: Vec::with_capacity(1024),
         })
     }
@@ -69,13 +71,13 @@ impl Line {
         address: u8,
         value: impl Fn(usize) -> [u8; N],
     ) -> Result<(), BusGone> {
-        let mut parts = Vec::with_capacity(self.ids.len() * (N + 1));
+        self.parts.clear();
         for (k, id) in self.ids.iter().enumerate().filter(|(k, _)| which(*k)) {
-            parts.push(*id);
-            parts.extend(value(k));
+            self.parts.push(*id);
+            self.parts.extend(value(k));
         }
         self.bytes.clear();
-        self.protocol.put_about(&mut self.bytes, ALL, SYNC_WRITE, Block { address, n: N }, &parts);
+        self.protocol.put_about(&mut self.bytes, ALL, SYNC_WRITE, Block { address, n: N }, &self.parts);
         self.port.send(&self.bytes)
     }
 
@@ -94,12 +96,15 @@ impl Line {
 
     /// The same with so much patience, ns.
     pub(super) fn ask_all_for(&mut self, block: Block, patience_ns: i64) -> Result<bool, BusGone> {
-        let (ids, protocol) = (self.ids.clone(), self.protocol);
+        // Lent for the question, and given back whatever comes of it.
+        let (ids, protocol) = (core::mem::take(&mut self.ids), self.protocol);
         self.bytes.clear();
         protocol.put_about(&mut self.bytes, ALL, SYNC_READ, block, &ids);
-        self.question(monotonic_ns() + patience_ns, |received| {
+        let asked = self.question(monotonic_ns() + patience_ns, |received| {
             ids.iter().all(|id| protocol.answers(received, block.n).any(|answer| answer.id == *id))
-        })
+        });
+        self.ids = ids;
+        asked
     }
 
     /// Every whole answer to the newest question for so many registers, with the place of its servo.
@@ -123,7 +128,7 @@ impl Line {
             }
         }
         let mut found = protocol.answers(&self.received, block.n).filter(|answer| answer.id == id);
-        let first = found.next().map(|answer| answer.data.into_owned());
+        let first = found.next().map(|answer| answer.data.to_vec());
         let n_more = found.count();
         // Bytes besides the question's own echo that are no answer.
         let is_noise = first.is_none() && self.received.len() > self.bytes.len();
@@ -164,8 +169,10 @@ impl Line {
     /// Silence: receives and throws away until nothing comes any more.
     pub(crate) fn recover(&mut self) -> Result<(), BusGone> {
         let until_ns = monotonic_ns() + self.timeout_ns;
-        let mut rest = Vec::new();
-        while monotonic_ns() < until_ns && self.port.receive(&mut rest, monotonic_ns() + QUIET_NS)? {}
+        self.received.clear();
+        while monotonic_ns() < until_ns && self.port.receive(&mut self.received, monotonic_ns() + QUIET_NS)? {
+            self.received.clear();
+        }
         self.port.forget()
     }
 

@@ -9,12 +9,14 @@
 //!
 //! Failure: whatever is left of a cycle that failed is received and thrown away before the next question.
 
+mod data;
 mod identity;
 mod line;
 mod port;
 mod protocol;
 mod scan;
 
+pub(crate) use data::Data;
 pub use identity::Identity;
 pub(crate) use identity::{Ask, RangeEnd, check_range, refused, settings};
 pub(crate) use line::{Line, exchange_ns};

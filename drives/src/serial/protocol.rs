@@ -1,8 +1,8 @@
 //! What the packets of serial servos have in common: registers of one or of many, asked for and set by id.
 
+use super::data::Data;
 use crate::sts3215::packet as one;
 use crate::xl330::packet as two;
-use std::borrow::Cow;
 
 /// Id that all servos listen to.
 pub(crate) const ALL: u8 = 0xFE;
@@ -29,7 +29,7 @@ pub(crate) struct Block {
 pub(crate) struct Answer<'a> {
     pub id: u8,
     pub error: u8,
-    pub data: Cow<'a, [u8]>,
+    pub data: Data<'a>,
 }
 
 /// How packets are written.

@@ -6,7 +6,7 @@
 //!
 //! Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0" and "CRC Calculation".
 
-use crate::serial::{ALL, Answer};
+use crate::serial::{ALL, Answer, Data};
 use std::borrow::Cow;
 
 /// Bytes of a packet besides its parameters.
@@ -60,6 +60,16 @@ static CRC_OF: [u16; 256] = {
     table
 };
 
+/// A whole packet as it was sent.
+#[derive(Debug, PartialEq, Eq)]
+struct Framed<'a> {
+    id: u8,
+    instruction: u8,
+    /// With the bytes that keep a header from standing in them.
+    stuffed: &'a [u8],
+    n_bytes: usize,
+}
+
 /// A whole packet.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Packet<'a> {
@@ -71,35 +81,59 @@ pub(crate) struct Packet<'a> {
 }
 
 /// The packet at the beginning of these bytes; [`None`] where there is none, or not yet all of it.
-pub(crate) fn packet(bytes: &[u8]) -> Option<Packet<'_>> {
+fn framed(bytes: &[u8]) -> Option<Framed<'_>> {
     let length = bytes.get(5..HEAD).filter(|_| bytes.starts_with(&HEADER))?;
     let n_bytes = HEAD + usize::from(u16::from_le_bytes([length[0], length[1]]));
     let packet = bytes.get(..n_bytes).filter(|_| n_bytes >= FRAME)?;
     let (body, sum) = packet.split_at(n_bytes - 2);
-    (crc(body).to_le_bytes() == sum).then(|| Packet {
+    (crc(body).to_le_bytes() == sum).then(|| Framed {
         id: body[4],
         instruction: body[HEAD],
-        parameters: unstuffed(&body[HEAD + 1..]),
+        stuffed: &body[HEAD + 1..],
         n_bytes,
     })
 }
 
-/// Parameters without the bytes that keep a header from standing in them.
-fn unstuffed(bytes: &[u8]) -> Cow<'_, [u8]> {
-    if !bytes.windows(3).any(|three| three == PATTERN) {
-        return bytes.into();
-    }
-    let mut plain = Vec::with_capacity(bytes.len());
-    // How much of the pattern stands before a byte.
-    let mut at = 0;
-    for byte in bytes {
-        if core::mem::take(&mut at) == 3 && *byte == 0xFD {
+/// The same with its parameters as they were meant.
+pub(crate) fn packet(bytes: &[u8]) -> Option<Packet<'_>> {
+    let Framed { id, instruction, stuffed, n_bytes } = framed(bytes)?;
+    let parameters = if is_stuffed(stuffed) {
+        let mut plain = Vec::with_capacity(stuffed.len());
+        each_plain(stuffed, |byte| plain.push(byte));
+        Cow::Owned(plain)
+    } else {
+        Cow::Borrowed(stuffed)
+    };
+    Some(Packet { id, instruction, parameters, n_bytes })
+}
+
+fn is_stuffed(bytes: &[u8]) -> bool {
+    bytes.windows(3).any(|three| three == PATTERN)
+}
+
+/// Hands on the bytes without those that keep a header from standing in them.
+fn each_plain(stuffed: &[u8], mut take: impl FnMut(u8)) {
+    // The newest three that were handed on.
+    let mut newest = [0; 3];
+    for byte in stuffed {
+        if newest == PATTERN && *byte == 0xFD {
+            // What follows begins anew.
+            newest = [0; 3];
             continue;
         }
-        plain.push(*byte);
-        at = (1..=3).rev().find(|n| plain.ends_with(&PATTERN[..*n])).unwrap_or(0);
+        take(*byte);
+        newest = [newest[1], newest[2], *byte];
     }
-    plain.into()
+}
+
+/// The data of an answer without the bytes that keep a header from standing in it; [`None`]: more than anybody asks for.
+fn plain_data(stuffed: &[u8]) -> Option<Data<'_>> {
+    if !is_stuffed(stuffed) {
+        return Some(stuffed.into());
+    }
+    let (mut data, mut fits) = (Data::empty(), true);
+    each_plain(stuffed, |byte| fits &= data.push(byte));
+    fits.then_some(data)
 }
 
 /// The next whole answer with so many bytes of data, from a place on, which is then behind it. What is broken hides no other.
@@ -107,28 +141,22 @@ fn unstuffed(bytes: &[u8]) -> Cow<'_, [u8]> {
 /// Refusals (an error number, besides the alert in bit 7) are no answers, nor are questions that the adapter hands back.
 pub(crate) fn next_answer<'a>(received: &'a [u8], at: &mut usize, n_data: usize) -> Option<Answer<'a>> {
     while let Some(rest) = received.get(*at..).filter(|rest| rest.len() > FRAME + n_data) {
-        let Some(packet) = packet(rest) else {
+        let Some(Framed { id, instruction, stuffed, n_bytes }) = framed(rest) else {
             *at += 1;
             continue;
         };
-        *at += packet.n_bytes;
-        let is_answer = packet.instruction == STATUS && packet.id < ALL && packet.parameters.len() == n_data + 1;
-        if is_answer && packet.parameters[0] & 0x7F == 0 {
-            let (error, data) = (packet.parameters[0], without_first(packet.parameters));
-            return Some(Answer { id: packet.id, error, data });
+        *at += n_bytes;
+        // An error that only tells an alert is no part of the pattern, so that the data after it is stuffed by itself.
+        if let Some((error, data)) = stuffed.split_first()
+            && instruction == STATUS
+            && id < ALL
+            && error & 0x7F == 0
+            && let Some(data) = plain_data(data).filter(|data| data.len() == n_data)
+        {
+            return Some(Answer { id, error: *error, data });
         }
     }
     None
-}
-
-fn without_first(bytes: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
-    match bytes {
-        Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[1..]),
-        Cow::Owned(mut bytes) => {
-            bytes.remove(0);
-            Cow::Owned(bytes)
-        }
-    }
 }
 
 #[cfg(test)]
@@ -190,6 +218,14 @@ mod tests {
         // One more FD of its own stays, and the pattern may begin anew at once.
         let data = [0xFF, 0xFF, 0xFD, 0xFD, 0xFF, 0xFF, 0xFF, 0xFD, 0xFF, 0xFF, 0xFD];
         assert_eq!(answers(&answer_of(1, 0, &data), 11)[0].data[..], data);
+    }
+
+    #[test]
+    fn an_answer_holds_as_much_as_can_be_asked_for_also_where_it_is_stuffed() {
+        let long: Vec<u8> = [0xFF, 0xFF, 0xFD].into_iter().cycle().take(255).collect();
+        assert_eq!(answers(&answer_of(1, 0, &long), 255)[0].data[..], long);
+        let longer: Vec<u8> = [0xFF, 0xFF, 0xFD].into_iter().cycle().take(256).collect();
+        assert_eq!(answers(&answer_of(1, 0, &longer), 256), []);
     }
 
     #[test]

@@ -17,5 +17,6 @@ mod open;
 mod relax;
 #[path = "../rig/mod.rs"]
 mod rig;
+mod serial_no_allocation;
 mod wire;
 mod xl330;

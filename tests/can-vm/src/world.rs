@@ -64,7 +64,7 @@ impl DriveMake {
         match part {
             "trip" | "jam" => self == Self::Independent,
             "csp_10ms" => self == Self::Canopen,
-            "csp_1ms" | "csp_2ms" | "thread" => self != Self::Canopen,
+            "csp_1ms" | "csp_2ms" | "thread" | "thread_2ms" => self != Self::Canopen,
             _ => true,
         }
     }

@@ -126,12 +126,16 @@ fn run_all<const N: usize>(parts: [Part; N]) -> bool {
     all
 }
 
-/// How `KRAIT_HID_VM_FAULT` spoils the device of the part `chain`.
+/// How `KRAIT_HID_VM_FAULT` spoils the device of the parts that heed it.
 fn fault() -> anyhow::Result<DeviceFault> {
     match std::env::var("KRAIT_HID_VM_FAULT").as_deref() {
         Err(_) | Ok("") => Ok(DeviceFault::None),
         Ok("silent") => Ok(DeviceFault::Silent),
         Ok("drop") => Ok(DeviceFault::Drop),
-        Ok(other) => bail!("KRAIT_HID_VM_FAULT is {other:?}, expected \"silent\", \"drop\" or nothing"),
+        Ok("swap") => Ok(DeviceFault::Swap),
+        Ok("flip") => Ok(DeviceFault::Flip),
+        Ok(other) => {
+            bail!("KRAIT_HID_VM_FAULT is {other:?}, expected \"silent\", \"drop\", \"swap\", \"flip\" or nothing")
+        }
     }
 }

@@ -27,6 +27,10 @@ pub enum DeviceFault {
     Silent,
     /// It leaves out one report in the middle.
     Drop,
+    /// Two reports in the middle change places.
+    Swap,
+    /// A bit of the report in the middle is turned round.
+    Flip,
     /// Of the times that it should be pulled out, it stays in the middle one.
     Stays,
 }

@@ -58,6 +58,43 @@ fn objects_that_a_drive_may_lack_are_done_without_and_others_are_named() {
 }
 
 #[test]
+fn a_drive_that_limits_its_own_speed_to_less_than_the_rate_is_refused_where_its_unit_is_certain() {
+    const TURNS_PER_MINUTE: u32 = 0x00B4_4700;
+    let limited = |bus: &CanBus, unit: Option<u32>, most: u32| {
+        let drive = &mut bus.lock().drives[1];
+        if let Some(unit) = unit {
+            drive.add_object(0x60A9, 0, unit);
+        }
+        drive.add_object(0x6080, 0, most);
+    };
+    // The screw's lead is 2 mm: 30 mm/s are 15 turns/s.
+    let rate = |config: &mut SlaveConfig| config.limits.rate_m_per_s = 0.03;
+    let sentence = refusal(|bus, config| {
+        rate(config);
+        limited(bus, Some(TURNS_PER_MINUTE), 899);
+    });
+    assert!(sentence.contains("actuator 2 (id 2) limits its motor to 899 turns/min (object 6080)"), "{sentence}");
+    assert!(sentence.contains("expected at least 900, which its rate_m_per_s needs"), "{sentence}");
+    assert!(sentence.contains("lower rate_m_per_s"), "{sentence}");
+    // Enough; no limit told; a rate of its own that it can do; other units, or none that it tells.
+    let cases: [(Option<u32>, u32, Option<f64>); 6] = [
+        (Some(TURNS_PER_MINUTE), 900, None),
+        (Some(TURNS_PER_MINUTE), 0, None),
+        (Some(TURNS_PER_MINUTE), 450, Some(0.015)),
+        (Some(0xFDB4_4700), 1, None),
+        (Some(0x00B5_0300), 1, None),
+        (None, 1, None),
+    ];
+    for (unit, most, own) in cases {
+        let (bus, mut config) = three();
+        rate(&mut config);
+        config.drive.actuator[1].rate_m_per_s = own;
+        limited(&bus, unit, most);
+        assert!(opened(&bus, &config).is_ok(), "{unit:X?} {most} {own:?}");
+    }
+}
+
+#[test]
 fn strangers_and_the_silent_are_named_and_left_alone() {
     let sentence = refusal(|bus, _| bus.lock().drives[1].set_object(0x1018, 2, 0x6350_0000));
     assert!(
@@ -128,10 +165,14 @@ fn a_scan_asks_only_and_finds_every_node_strangers_too() {
     let (bus, _) = three();
     bus.lock().drives[1].set_object(0x1000, 0, 0x0003_0191);
     bus.lock().drives[2].set_object(0x6077, 0, 0xFFF6);
+    bus.lock().drives[2].add_object(0x6080, 0, 3000);
+    bus.lock().drives[2].add_object(0x60A9, 0, 0x00B4_4700);
     let (mut wire, _) = bus.own_time();
     let found = scan(&mut wire, 20).unwrap();
     let told: Vec<_> = found.iter().map(|drive| (drive.id, drive.is_known(), drive.vendor, drive.serial)).collect();
     assert_eq!(told, [(1, true, 0x555, 1), (2, false, 0x555, 2), (3, true, 0x555, 3)]);
+    assert_eq!((found[0].most_speed, found[0].velocity_unit), (None, None));
+    assert_eq!((found[2].most_speed, found[2].is_in_turns_per_minute()), (Some(3000), true));
     let reading = crate::cia402::CanReading::of(&mut wire, 3).unwrap().unwrap();
     assert_eq!(reading.counts, ZERO + 3);
     assert_eq!(crate::cia402::CanReading::of(&mut wire, 7).unwrap(), None);

@@ -116,6 +116,11 @@ impl CanDrive {
         self.objects.put((index, sub), value);
     }
 
+    /// Gives it an object of 4 bytes that it lacks and that nobody may write.
+    pub fn add_object(&mut self, index: u16, sub: u8, value: u32) {
+        self.objects.add((index, sub), value);
+    }
+
     /// Takes an object away.
     pub fn remove_object(&mut self, index: u16, sub: u8) {
         self.objects.remove((index, sub));

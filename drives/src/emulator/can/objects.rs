@@ -96,6 +96,11 @@ impl Objects {
         }
     }
 
+    /// Adds a constant of 4 bytes.
+    pub(super) fn add(&mut self, place: Place, value: u32) {
+        self.0.insert(place, Object { value, n_bytes: 4, is_writable: false });
+    }
+
     /// Takes an object away, as from a drive that lacks it.
     pub(super) fn remove(&mut self, place: Place) {
         self.0.remove(&place);

@@ -16,8 +16,12 @@ pub(super) struct CanNode {
     vendor: u32,
     product: u32,
     serial: u32,
+    most_motor_speed: Option<u32>,
+    velocity_unit: Option<u32>,
     is_known: bool,
     reading: Option<Reading>,
+    #[serde(skip)]
+    speed: String,
 }
 
 /// How a drive is.
@@ -52,6 +56,9 @@ pub(super) fn read(found: &Found<'_>) -> Result<Vec<CanNode>, OpenError> {
                 vendor: drive.vendor,
                 product: drive.product,
                 serial: drive.serial,
+                most_motor_speed: drive.most_speed,
+                velocity_unit: drive.velocity_unit,
+                speed: speed_limit(drive),
                 is_known: drive.is_known(),
                 reading: reading.map(|CanReading { status, counts, torque_permille }| Reading {
                     counts,
@@ -63,6 +70,16 @@ pub(super) fn read(found: &Found<'_>) -> Result<Vec<CanNode>, OpenError> {
         }
     }
     Ok(nodes)
+}
+
+/// A drive's own limit of speed, with its unit where that is certain.
+fn speed_limit(drive: &FoundDrive) -> String {
+    match (drive.most_speed, drive.velocity_unit) {
+        (None, _) => "-".to_owned(),
+        (Some(most), _) if drive.is_in_turns_per_minute() => format!("{most} turns/min"),
+        (Some(most), Some(unit)) => format!("{most} (unit 0x{unit:08X})"),
+        (Some(most), None) => format!("{most} (its own unit)"),
+    }
 }
 
 fn name(state: State) -> &'static str {
@@ -80,8 +97,19 @@ fn name(state: State) -> &'static str {
 
 /// One row per node.
 pub(super) fn table(nodes: &[CanNode]) -> Table {
-    let heads =
-        ["interface", "id", "drive", "vendor", "product", "serial", "counts", "power", "state", "torque, of rated"];
+    let heads = [
+        "interface",
+        "id",
+        "drive",
+        "vendor",
+        "product",
+        "serial",
+        "own speed limit",
+        "counts",
+        "power",
+        "state",
+        "torque, of rated",
+    ];
     let mut table = Table::new(&heads);
     for node in nodes {
         let kind = if node.is_known {
@@ -91,6 +119,7 @@ pub(super) fn table(nodes: &[CanNode]) -> Table {
         };
         let mut row = vec![node.interface.clone(), node.id.to_string(), kind];
         row.extend([node.vendor, node.product, node.serial].map(|number| format!("0x{number:08X}")));
+        row.push(node.speed.clone());
         match &node.reading {
             None => row.extend(["-", "-", "-", "-"].map(str::to_owned)),
             Some(reading) => row.extend([
