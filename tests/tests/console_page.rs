@@ -8,8 +8,8 @@ use core::time::Duration;
 use krait_ipc::Reason;
 use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, Shape, SlaveState};
 use krait_tests::{
-    Browser, BrowserPage, ChainScene, ChainSender, Console, Ended, Krait, TempFolder, instance_name, next_of_kind,
-    wait_for, wait_until,
+    Browser, BrowserPage, ChainScene, ChainSender, Console, Ended, Krait, Scrolls, TempFolder, instance_name,
+    next_of_kind, wait_for, wait_until,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -39,7 +39,8 @@ fn a_person_sees_the_robot_stops_it_from_a_page_that_hangs_and_goes_on() {
             for tab in ["operate", "latency", "lab", "recordings"] {
                 page.value(&format!("document.querySelector('[data-go={tab}]').click()"));
                 page.value("new Promise(done => setTimeout(done, 700))");
-                page.keep(&format!("{tab}-{theme}-{width}"));
+                let scrolls = if tab == "operate" { Scrolls::Nowhere } else { Scrolls::Within };
+                page.keep_right(&format!("{tab}-{theme}-{width}"), scrolls);
                 if tab == "operate" {
                     assert_readable_at_two_metres(&mut page, width);
                 }
@@ -597,6 +598,7 @@ fn a_recording_opens_by_itself_where_the_console_was_started_for_it() {
     turns_by_key_and_by_pointer(&mut page, ".not-live canvas");
     plays_and_pauses(&mut page);
     the_scrubber_is_dragged(&mut page);
+    page.keep_right_everywhere("player", Scrolls::Within);
     page.value("document.querySelector('[data-go=operate]').click()");
     page.wait_for("nothing is taken for live", "document.documentElement.dataset.shown === 'stale'");
     krait.signal(Signal::INT);
@@ -637,7 +639,7 @@ fn a_learner_finds_a_hidden_effect_by_keyboard_alone_and_is_told_nothing_before_
             if page.value("document.documentElement.dataset.theme") != json!(theme) {
                 page.key("t", 84);
             }
-            page.keep(&format!("quiz-{theme}-{width}"));
+            page.keep_right(&format!("quiz-{theme}-{width}"), Scrolls::Within);
             page.wait_for(
                 &format!("the quiz fits into {width} x {height}"),
                 "document.documentElement.scrollWidth <= innerWidth && (work => work.scrollWidth <= work.clientWidth)(document.querySelector('#lab .work'))",

@@ -8,52 +8,15 @@
 use core::time::Duration;
 use krait_ipc::Reason;
 use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, SlaveState};
-use krait_tests::{Browser, BrowserPage, ChainScene, ChainSender, Console, Krait, instance_name, wait_until};
+use krait_tests::{Browser, BrowserPage, ChainScene, ChainSender, Console, Krait, SIZES, Scrolls, instance_name};
 use rustix::process::Signal;
 use serde_json::json;
 
 const PATIENCE: Duration = Duration::from_secs(240);
-const SIZES: [(u32, u32); 3] = [(1024, 768), (1440, 900), (1920, 1080)];
 /// Cells of a shape's side.
 const SIDE: usize = 32;
 /// Cells in which two shapes differ at least: a twentieth of the picture.
 const FEWEST_APART: usize = SIDE * SIDE / 20;
-
-/// What is cut off, leaves the window or lies over something else, a sentence each: lines of text, and what can be pressed or read.
-const WRONG: &str = "(() => {
-    const isBlank = !document.getElementById('blank').hidden, wrong = [];
-    const isShown = e => e.checkVisibility({ visibilityProperty: true, opacityProperty: true }) && !e.closest('.unseen') && !(isBlank && e.closest('.stage') && !e.closest('.blank'));
-    const say = e => `${e.id ? '#' + e.id : e.className || e.tagName} “${e.textContent.trim().slice(0, 40)}”`;
-    const shrunk = ({ left, right, top, bottom }, part) => ({ left, right, top: top + part * (bottom - top), bottom: bottom - part * (bottom - top) });
-    const texts = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-    while (walker.nextNode()) {
-        const parent = walker.currentNode.parentElement;
-        if (!walker.currentNode.data.trim() || !isShown(parent)) continue;
-        const range = document.createRange();
-        range.selectNodeContents(walker.currentNode);
-        // A font's box is higher than its letters.
-        for (const rect of range.getClientRects()) texts.push({ of: parent, ...shrunk(rect, 0.2) });
-    }
-    const selectors = ['#glyph', '.command', '#stop', '.needs > div', '.card', '.bar', '#dial', '.views', '.tabs button', '.icon', '.fact'];
-    const boxes = selectors.flatMap(selector => [...document.querySelectorAll(selector)]).filter(e => isShown(e) && e.getBoundingClientRect().width > 0)
-        .map(of => { const { left, right, top, bottom } = of.getBoundingClientRect(); return { of, left, right, top, bottom }; });
-    for (const { of, left, right, top, bottom } of [...texts, ...boxes]) {
-        if (left < -1 || top < -1 || right > innerWidth + 1 || bottom > innerHeight + 1) wrong.push(`${say(of)} leaves the window`);
-        for (let around = of; around && around !== document.body; around = around.parentElement) {
-            const style = getComputedStyle(around), own = around.getBoundingClientRect();
-            if (around.tagName === 'svg' || around === of && boxes.some(box => box.of === of)) continue;
-            if (style.overflowX !== 'visible' && (left < own.left - 1 || right > own.right + 1)) wrong.push(`${say(of)} is cut off by ${around.className || around.id}`);
-            if (style.overflowY !== 'visible' && (top < own.top - 1 || bottom > own.bottom + 1)) wrong.push(`${say(of)} is cut off by ${around.className || around.id}`);
-        }
-    }
-    const isOver = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
-    const over = all => all.forEach((a, i) => all.slice(i + 1).forEach(b => {
-        if (isOver(a, b) && !a.of.contains(b.of) && !b.of.contains(a.of)) wrong.push(`${say(a.of)} lies over ${say(b.of)}`);
-    }));
-    over(texts);
-    over(boxes);
-    return wrong.slice(0, 6);
-})()";
 
 /// Each state and a chain that is in it.
 fn scenes() -> Vec<(&'static str, ChainScene)> {
@@ -105,14 +68,7 @@ fn every_state_is_told_apart_without_colour_and_nothing_is_cut_off_or_overlaps()
             for theme in ["dark", "light"] {
                 page.in_theme(theme);
                 let place = format!("{name}, {width} x {height}, {theme}");
-                // Layout and words of the newest frame take a few pictures to come.
-                let mut wrong = json!(null);
-                let is_right = wait_until(Duration::from_secs(30), || {
-                    wrong = page.value(WRONG);
-                    wrong == json!([])
-                });
-                page.keep(&format!("state-{name}-{theme}-{width}"));
-                assert!(is_right, "{place}: {wrong:#}");
+                page.keep_right(&format!("state-{name}-{theme}-{width}"), Scrolls::Nowhere);
                 let word = page.text("#word");
                 assert!(page.value("document.title").as_str().is_some_and(|title| title.starts_with(&word)), "{place}");
                 assert!(page.text("#sentence").ends_with('.'), "{place}: {}", page.text("#sentence"));

@@ -6,7 +6,7 @@
 use core::cell::Cell;
 use core::time::Duration;
 use krait_tests::{
-    Browser, BrowserPage, Console, Ended, Krait, PadPage, TempFolder, instance_name, next_of_kind, pad_losses,
+    Browser, BrowserPage, Console, Ended, Krait, PadPage, Scrolls, TempFolder, instance_name, next_of_kind, pad_losses,
     seen_in_operate_room, wait_until, watch_operate_room,
 };
 use rustix::process::Signal;
@@ -66,7 +66,8 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     for direction in DIRECTIONS {
         hand.drive(direction, &format!("by gamepad {direction:?}"), Hand::gamepad);
     }
-    page.keep("drive");
+    page.keep_right_everywhere("drive", Scrolls::Nowhere);
+    page.resize(1280, 800);
     assert_row_and_bars_are_the_frames(&mut page);
 
     // A page that hangs with the pad held: the motion stops, and begins anew only after the hand was off the pad.

@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, wait_until};
+use krait_tests::{Browser, BrowserPage, Console, Ended, Krait, Scrolls, TempFolder, instance_name, wait_until};
 
 const PATIENCE: Duration = Duration::from_secs(240);
 
@@ -171,14 +171,14 @@ fn one_button_adds_all_that_was_found_and_the_rail_shows_what_was_written() {
             "{tile}: {tiles}"
         );
     }
-    page.keep("found-all");
+    page.keep_right_everywhere("found-all", Scrolls::Within);
     press(&mut page, "Add both and fit them together");
     bars(&mut page, 3, 0);
     page.wait_for(
         "it is told",
         "/^With .* and .*, fitted together, the error is /.test(document.querySelector('#lab h1').textContent)",
     );
-    page.keep("added-all");
+    page.keep_right_everywhere("added-all", Scrolls::Within);
     let effects: Vec<&str> = answer["chain_order"]
         .as_array()
         .expect("an order")

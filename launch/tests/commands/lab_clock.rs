@@ -51,7 +51,7 @@ fn commands_after_a_camera_ahead_reach_what_the_diagnosis_promised() {
     std::fs::write(&data, with_measurements_of_later(&text, 3)).unwrap();
 
     let files = format!("--model {model} --data {data}");
-    let said = String::from_utf8(krait(&format!("lab diagnose {files}")).stdout).unwrap();
+    let said = String::from_utf8(krait(&format!("lab diagnose {files} --max-effects 1")).stdout).unwrap();
     assert!(said.contains("ahead of the motion"), "{said}");
     let (promised, next) = (promised_deg(&said), next_command(&said));
     let (_, clock) = next.split_once("--clock ").unwrap_or_else(|| panic!("{next}"));
@@ -105,7 +105,7 @@ fn commands_after_a_camera_mounted_anew_reach_what_the_diagnosis_promised() {
     std::fs::write(&halves[1], format!("{header}\n{}\n", second.join("\n"))).unwrap();
 
     let files = format!("--model {model} --data {} --data {}", halves[0], halves[1]);
-    let said = String::from_utf8(krait(&format!("lab diagnose {files}")).stdout).unwrap();
+    let said = String::from_utf8(krait(&format!("lab diagnose {files} --max-effects 1")).stdout).unwrap();
     let words: Vec<&str> = said.split_whitespace().collect();
     assert!(words.join(" ").contains("the camera stood otherwise than in"), "{said}");
     let (promised, next) = (promised_deg(&said), next_command(&said));

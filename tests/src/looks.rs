@@ -1,0 +1,93 @@
+//! Whether a page looks right: nothing is cut off, leaves the window or lies over something else, in every size and theme.
+
+use crate::browser::BrowserPage;
+use crate::world::wait_until;
+use core::time::Duration;
+use serde_json::json;
+
+/// Windows that are looked at.
+pub const SIZES: [(u32, u32); 3] = [(1024, 768), (1440, 900), (1920, 1080)];
+/// Layout and words of the newest frame take a few pictures to come.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Where a page may have more than its window shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scrolls {
+    /// Everything is seen at once.
+    Nowhere,
+    /// A part of it scrolls up and down.
+    Within,
+}
+
+/// What is cut off, leaves the window or lies over something else, a sentence each: lines of text, and what can be pressed or read.
+const WRONG: &str = "(scrolls => {
+    const isBlank = !document.getElementById('blank').hidden, wrong = [];
+    const isShown = e => e.checkVisibility({ visibilityProperty: true, opacityProperty: true }) && !e.closest('.unseen') && !(isBlank && e.closest('.stage') && !e.closest('.blank'));
+    const say = e => `${e.id ? '#' + e.id : e.className || e.tagName} “${e.textContent.trim().slice(0, 40)}”`;
+    // What a part that scrolls shows of it: nothing of it is wrong where that is nothing.
+    const within = ({ left, right, top, bottom }, of) => {
+        for (let around = of; scrolls && around && around !== document.body; around = around.parentElement) {
+            if (!/auto|scroll/.test(getComputedStyle(around).overflowY)) continue;
+            const own = around.getBoundingClientRect();
+            [top, bottom] = [Math.max(top, own.top), Math.min(bottom, own.bottom)];
+        }
+        return { of, left, right, top, bottom };
+    };
+    const shrunk = ({ left, right, top, bottom }, part) => ({ left, right, top: top + part * (bottom - top), bottom: bottom - part * (bottom - top) });
+    const texts = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+    while (walker.nextNode()) {
+        const parent = walker.currentNode.parentElement;
+        if (!walker.currentNode.data.trim() || !isShown(parent)) continue;
+        const range = document.createRange();
+        range.selectNodeContents(walker.currentNode);
+        // A font's box is higher than its letters.
+        for (const rect of range.getClientRects()) texts.push(within(shrunk(rect, 0.2), parent));
+    }
+    const selectors = ['#glyph', '.command', '#stop', '.needs > div', '.card', '.bar', '#dial', '.views', '.tabs button', '.icon', '.fact'];
+    const boxes = selectors.flatMap(selector => [...document.querySelectorAll(selector)]).filter(e => isShown(e) && e.getBoundingClientRect().width > 0)
+        .map(of => within(of.getBoundingClientRect(), of));
+    const isSeen = ({ top, bottom }) => bottom - top > 1;
+    for (const { of, left, right, top, bottom } of [...texts, ...boxes].filter(isSeen)) {
+        if (left < -1 || top < -1 || right > innerWidth + 1 || bottom > innerHeight + 1) wrong.push(`${say(of)} leaves the window`);
+        for (let around = of; around && around !== document.body; around = around.parentElement) {
+            const style = getComputedStyle(around), own = around.getBoundingClientRect();
+            if (around.tagName === 'svg' || around === of && boxes.some(box => box.of === of)) continue;
+            if (style.overflowX !== 'visible' && (left < own.left - 1 || right > own.right + 1)) wrong.push(`${say(of)} is cut off by ${around.className || around.id}`);
+            if (style.overflowY !== 'visible' && (top < own.top - 1 || bottom > own.bottom + 1)) wrong.push(`${say(of)} is cut off by ${around.className || around.id}`);
+        }
+    }
+    const isOver = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
+    const over = all => all.forEach((a, i) => all.slice(i + 1).forEach(b => {
+        if (isOver(a, b) && !a.of.contains(b.of) && !b.of.contains(a.of)) wrong.push(`${say(a.of)} lies over ${say(b.of)}`);
+    }));
+    over(texts.filter(isSeen));
+    over(boxes.filter(isSeen));
+    return wrong.slice(0, 6);
+})";
+
+impl BrowserPage {
+    /// Waits until nothing is wrong with what is seen, and keeps a picture of it.
+    ///
+    /// # Panics
+    /// Something stays wrong.
+    pub fn keep_right(&mut self, name: &str, scrolls: Scrolls) {
+        let mut wrong = json!(null);
+        let is_right = wait_until(PATIENCE, || {
+            wrong = self.value(&format!("{WRONG}({})", scrolls == Scrolls::Within));
+            wrong == json!([])
+        });
+        self.keep(name);
+        assert!(is_right, "{name}: {wrong:#}");
+    }
+
+    /// The same in every size and theme.
+    pub fn keep_right_everywhere(&mut self, name: &str, scrolls: Scrolls) {
+        for (width, height) in SIZES {
+            self.resize(width, height);
+            for theme in ["light", "dark"] {
+                self.in_theme(theme);
+                self.keep_right(&format!("{name}-{theme}-{width}"), scrolls);
+            }
+        }
+    }
+}
