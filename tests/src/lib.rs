@@ -18,7 +18,7 @@ mod world;
 
 pub use browser::{Browser, BrowserPage};
 pub use chain_sender::{ChainScene, ChainSender};
-pub use http::{Console, HttpAnswer, Live, is_closed, next_of_kind};
+pub use http::{Console, HttpAnswer, Live, answer_on, is_closed, next_of_kind};
 pub use motion::{
     allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, kill_until_back, samples_in,
     signal_process, states_in, step_m, wait_for, wait_for_motion,
