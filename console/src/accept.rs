@@ -1,8 +1,13 @@
-//! Accepts connections on one socket: so many at once, and none may take its time over what it asks for.
+//! Accepts connections on one socket: so many at once, and none may take its time over what it asks for. Each request carries the
+//! allowance of its connection.
 
+use crate::allowance::SharedAllowance;
 use axum::Router;
 use core::time::Duration;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use std::sync::Arc;
@@ -34,7 +39,11 @@ pub async fn serve(listener: TcpListener, router: Router) {
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%error, "a connection's small messages may wait for each other");
         }
-        let service = TowerToHyperService::new(router.clone());
+        let (routes, allowance) = (TowerToHyperService::new(router.clone()), SharedAllowance::of_connection());
+        let service = service_fn(move |mut request: Request<Incoming>| {
+            request.extensions_mut().insert(allowance.clone());
+            routes.call(request)
+        });
         tokio::spawn(async move {
             let served = http1::Builder::new()
                 .timer(TokioTimer::new())

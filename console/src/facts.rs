@@ -45,6 +45,14 @@ pub struct Facts {
     pub budgets: Vec<HopBudget>,
 }
 
+impl Facts {
+    /// Whether a page of these facts shows a chain of others rightly: recording and compensation are the chain's, all else the machine's.
+    pub(crate) fn is_same_machine(&self, other: &Self) -> bool {
+        let (recording, compensation) = (self.recording.clone(), self.compensation.clone());
+        *self == Self { recording, compensation, ..other.clone() }
+    }
+}
+
 /// Joints, as the page shows them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct JointFacts {

@@ -7,6 +7,7 @@
 //! holds the newest frame only. Frames, signs and units are those of `docs/NOTATION.md`.
 
 mod accept;
+mod allowance;
 mod assets;
 mod columns;
 mod doctor;
@@ -31,6 +32,7 @@ mod snapshot;
 mod stop;
 mod tracking;
 mod watch;
+mod whole_body;
 mod wishes;
 mod words;
 

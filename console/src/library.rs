@@ -6,8 +6,8 @@ use crate::jobs::Jobs;
 use crate::quiz::Riddles;
 use crate::recordings::{Recordings, film_of};
 use crate::server::{Shared, refuse};
+use crate::whole_body::{LINES_S, MEASUREMENT_S, WholeBody};
 use axum::Router;
-use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, Request, State};
 use axum::http::{StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
@@ -340,7 +340,7 @@ async fn lab(State(shared): State<Arc<Shared>>) -> Response {
     json(&Shelf { models: library.models(), data, named, folder: library.folder.display().to_string() })
 }
 
-async fn start(State(shared): State<Arc<Shared>>, body: Bytes) -> Response {
+async fn start(State(shared): State<Arc<Shared>>, WholeBody(body): WholeBody<LINES_S>) -> Response {
     let order: Order = match serde_json::from_slice(&body) {
         Ok(order) => order,
         Err(error) => {
@@ -409,7 +409,11 @@ async fn doctor(State(shared): State<Arc<Shared>>) -> Response {
     }
 }
 
-async fn hand_over(State(shared): State<Arc<Shared>>, Path(name): Path<String>, body: Bytes) -> Response {
+async fn hand_over(
+    State(shared): State<Arc<Shared>>,
+    Path(name): Path<String>,
+    WholeBody(body): WholeBody<MEASUREMENT_S>,
+) -> Response {
     if !is_plain_name(&name, ".csv") {
         return (StatusCode::BAD_REQUEST, "A measurement's name has letters and digits only and ends in .csv.")
             .into_response();

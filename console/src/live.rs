@@ -1,6 +1,7 @@
 //! A page's live connection: the newest frame as fast as the page reads, and nothing that is older.
 
 use crate::PageCounts;
+use crate::allowance::Allowance;
 use crate::pad::PadFrame;
 use crate::server::{Shared, refuse};
 use crate::snapshot;
@@ -22,7 +23,7 @@ const MOST_PAGES: usize = 32;
 /// Bytes that a page's message may have.
 const MOST_MESSAGE_BYTES: usize = 4096;
 /// Messages a second that a page may send: the drive pad's, commands and heartbeats.
-const MOST_MESSAGES_PER_S: u32 = 128;
+pub(crate) const MOST_MESSAGES_PER_S: u32 = 128;
 /// A page that has not taken a frame for this long is gone.
 const SEND_PATIENCE: Duration = Duration::from_secs(5);
 
@@ -135,14 +136,16 @@ impl Drop for Place {
 async fn serve(mut socket: WebSocket, shared: &Arc<Shared>) {
     let (mut frames, mut slow) = (shared.frames.clone(), shared.slow.clone());
     let page = OnPad { page: shared.pad.page(), shared: Arc::clone(shared) };
-    let Ok(first) = snapshot::hello(&shared.facts, shared.session.digits(), &shared.stop_url, page.page) else {
+    let mut facts = shared.facts.clone();
+    let own = Arc::clone(&facts.borrow_and_update());
+    let Ok(first) = snapshot::hello(&own, shared.session.digits(), &shared.stop_url, page.page) else {
         return;
     };
     if !send(&mut socket, first.into()).await {
         return;
     }
     slow.mark_changed();
-    let (mut last_frame, mut allowance) = (0, RateAllowance::default());
+    let (mut last_frame, mut allowance) = (0, Allowance::new(MOST_MESSAGES_PER_S, MOST_MESSAGES_PER_S));
     let (answers, mut answered) = mpsc::channel(MOST_ANSWERS);
     let mut said = Listener { shared: Arc::clone(shared), page: page.page, answers, last_id: 0 };
     loop {
@@ -160,6 +163,8 @@ async fn serve(mut socket: WebSocket, shared: &Arc<Shared>) {
                 last_frame = n;
                 Some(Utf8Bytes::from(&*text))
             }
+            // A chain of another machine: the page comes again and is told.
+            Ok(()) = facts.changed() => return,
             Some(text) = answered.recv() => Some(text),
             Ok(()) = slow.changed() => Some(Utf8Bytes::from(&**slow.borrow_and_update())),
             else => return,
@@ -276,22 +281,4 @@ fn instant_ns(age_ms: f64) -> i64 {
 
 fn acknowledged(id: u64, outcome: WishOutcome) -> Option<Utf8Bytes> {
     serde_json::to_string(&Acknowledged { k: "ack", id, outcome }).ok().map(Utf8Bytes::from)
-}
-
-/// Messages that a page may still send in this second.
-#[derive(Default)]
-pub(crate) struct RateAllowance {
-    since_ns: i64,
-    used: u32,
-}
-
-impl RateAllowance {
-    /// One more message; whether it may be.
-    pub(crate) fn take(&mut self, now_ns: i64) -> bool {
-        if now_ns - self.since_ns > 1_000_000_000 {
-            *self = Self { since_ns: now_ns, used: 0 };
-        }
-        self.used += 1;
-        self.used <= MOST_MESSAGES_PER_S
-    }
 }

@@ -1,5 +1,6 @@
 //! The server: binds this machine's own address only, gives out the page, and runs beside the thread that reads channels.
 
+use crate::allowance::{SharedAllowance, too_often};
 use crate::facts::Facts;
 use crate::foxglove::{self, FoxgloveSettings, Viewers};
 use crate::guard::{Token, WebOrigin, cookie, page_headers};
@@ -8,10 +9,10 @@ use crate::pad::{self, PadDesk};
 use crate::recordings::{LearntOf, Recordings};
 use crate::stop::{self, StopShared};
 use crate::watch::{Slots, Watch};
+use crate::whole_body::{LINES_S, WholeBody};
 use crate::wishes::{self, Desk};
 use crate::{ConsoleError, PageCounts, accept, assets, live};
 use axum::Router;
-use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
@@ -67,12 +68,13 @@ pub struct Address {
 pub(crate) struct Shared {
     pub(crate) origin: WebOrigin,
     stop_origin: WebOrigin,
+    strangers: SharedAllowance,
     token: Token,
     cookie_name: String,
     pub(crate) session: Token,
     pub(crate) frames: watch::Receiver<(u64, Arc<str>)>,
     pub(crate) slow: watch::Receiver<Arc<str>>,
-    pub(crate) facts: Arc<Facts>,
+    pub(crate) facts: watch::Receiver<Arc<Facts>>,
     pub(crate) pages: Arc<PageCounts>,
     pub(crate) desk: Arc<Desk>,
     pub(crate) pad: Arc<PadDesk>,
@@ -87,7 +89,8 @@ impl Shared {
     }
 }
 
-/// Serves the page until it is told to stop; `facts` is what is known of the chain.
+/// Serves the page until it is told to stop; `facts` is what is known of the chain, and `newer_facts`, asked twice a second, has those of
+/// a chain that came later.
 ///
 /// # Errors
 /// [`ConsoleError`] in one sentence.
@@ -95,6 +98,7 @@ pub fn run(
     bus: Bus,
     settings: ServerSettings,
     facts: Facts,
+    newer_facts: impl FnMut() -> Option<Facts> + Send,
     announce: impl FnOnce(&Address),
     stop: &AtomicBool,
 ) -> Result<(), ConsoleError> {
@@ -102,8 +106,9 @@ pub fn run(
     let instance = bus.instance().as_str().to_owned();
     let (frame_slot, frames) = watch::channel((0, Arc::from("")));
     let (slow_slot, slow) = watch::channel(Arc::from(""));
-    let slots = Slots { frame: frame_slot, slow: slow_slot };
     let facts = Arc::new(facts);
+    let (facts_slot, newest_facts) = watch::channel(Arc::clone(&facts));
+    let slots = Slots { frame: frame_slot, slow: slow_slot, facts: facts_slot };
     let pages = Arc::new(PageCounts::default());
     let (listener, port) = runtime.block_on(listen(settings.port))?;
     let (stop_listener, stop_port) = runtime.block_on(listen(settings.stop_port))?;
@@ -127,12 +132,13 @@ pub fn run(
     let shared = Arc::new(Shared {
         origin: page_origin,
         stop_origin,
+        strangers: SharedAllowance::of_strangers(),
         token: Token::new()?,
         cookie_name: format!("krait-{instance}-{port}"),
         session: Token::new()?,
         frames,
         slow,
-        facts: Arc::clone(&facts),
+        facts: newest_facts,
         pages: Arc::clone(&pages),
         desk,
         pad: Arc::clone(&pad),
@@ -153,7 +159,7 @@ pub fn run(
     announce(&Address { page, stop: shared.stop_url.clone(), foxglove: viewers_address });
     std::thread::scope(|scope| {
         let watching = std::thread::Builder::new().name("watch".to_owned()).spawn_scoped(scope, || {
-            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, &facts, &pad, stop));
+            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, newer_facts, &pad, stop));
             stop.store(true, Ordering::Relaxed);
             outcome
         });
@@ -224,11 +230,16 @@ fn router(shared: Arc<Shared>) -> Router {
     assets::added_to(router).layer(from_fn_with_state(Arc::clone(&shared), guard)).with_state(shared)
 }
 
-/// Every request names this host, whatever changes something names this origin, and every answer has its headers.
+/// No request comes too often, every one names this host, whatever changes something names this origin, and every answer has its headers.
 async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
     let headers = request.headers();
+    let of_connection = request.extensions().get::<SharedAllowance>();
+    let is_allowed =
+        of_connection.is_none_or(SharedAllowance::take) && (shared.is_known(headers) || shared.strangers.take());
     let is_read = request.method().is_safe() && !headers.contains_key(header::UPGRADE);
-    let mut answer = if !shared.origin.is_host_of(headers) {
+    let mut answer = if !is_allowed {
+        too_often().await
+    } else if !shared.origin.is_host_of(headers) {
         refuse("this console answers under its own address only; open the address that it printed")
     } else if !is_read && !shared.origin.is_origin_of(headers) {
         refuse("only the console's own page may ask for this; open the address that it printed")
@@ -242,7 +253,7 @@ async fn guard(State(shared): State<Arc<Shared>>, request: Request, next: Next) 
 }
 
 /// The token from the address bar becomes a cookie that no script can read.
-async fn exchange_token(State(shared): State<Arc<Shared>>, body: Bytes) -> Response {
+async fn exchange_token(State(shared): State<Arc<Shared>>, WholeBody(body): WholeBody<LINES_S>) -> Response {
     if !core::str::from_utf8(&body).is_ok_and(|text| shared.token.is(text)) {
         return refuse("this is not the token of the console that runs now; open the address that it printed");
     }

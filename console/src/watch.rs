@@ -26,6 +26,21 @@ pub struct Slots {
     pub frame: Sender<(u64, Arc<str>)>,
     /// The newest slow message.
     pub slow: Sender<Arc<str>>,
+    /// What is known of the chain; told anew only where it is another machine's.
+    pub facts: Sender<Arc<Facts>>,
+}
+
+impl Slots {
+    /// Keeps the facts of a newer chain, and tells the pages where it is another machine.
+    fn take_facts(&self, newer: Facts) -> Arc<Facts> {
+        let newer = Arc::new(newer);
+        self.facts.send_if_modified(|facts| {
+            let is_other = !facts.is_same_machine(&newer);
+            *facts = Arc::clone(&newer);
+            is_other
+        });
+        newer
+    }
 }
 
 /// Looks at an instance for the pages.
@@ -43,7 +58,7 @@ impl Watch {
         Ok(Self { observer: Observer::open(bus)?, processes: Processes::default() })
     }
 
-    /// Reads until it is told to stop.
+    /// Reads until it is told to stop; `newer_facts` has those of a chain that came since they were asked for last.
     ///
     /// # Errors
     /// [`ConsoleError`] where a channel is broken.
@@ -51,10 +66,11 @@ impl Watch {
         mut self,
         slots: &Slots,
         pages: &PageCounts,
-        facts: &Facts,
+        mut newer_facts: impl FnMut() -> Option<Facts>,
         pad: &PadDesk,
         stop: &AtomicBool,
     ) -> Result<(), ConsoleError> {
+        let mut facts = Arc::clone(&slots.facts.borrow());
         let mut due_ns = clock::monotonic_ns();
         for n in 1.. {
             if stop.load(Ordering::Relaxed) {
@@ -78,10 +94,13 @@ impl Watch {
                 error: self.observer.tracking().newest(),
                 pad: pad.seen(now_ns),
             };
-            slots.frame.send_replace((n, snapshot::frame(self.observer.newest(), &moment, facts)?.into()));
+            slots.frame.send_replace((n, snapshot::frame(self.observer.newest(), &moment, &facts)?.into()));
             if n % SLOW_EVERY == 0 {
                 if n % (2 * SLOW_EVERY) == 0 {
                     self.observer.end_second();
+                }
+                if let Some(newer) = newer_facts() {
+                    facts = slots.take_facts(newer);
                 }
                 slots.slow.send_replace(serde_json::to_string(&self.slow(now_ns, pages))?.into());
             }

@@ -115,7 +115,7 @@ pub enum Verb {
     State(StateArgs),
     /// The page of a chain that runs, or of a recording: the snake, its latency, the lab; in a browser on this machine.
     #[command(
-        after_help = "Examples:\n  krait console\n  krait console recordings/demo.mcap\n  krait console --instance left-arm --port 8080\n\nOpen the address that it prints. It listens on this machine only; from elsewhere an SSH tunnel of its port is the way."
+        after_help = "Examples:\n  krait console\n  krait console recordings/demo.mcap\n  krait console --instance left-arm --port 8080\n\nOpen the address that it prints. It listens on this machine only. From elsewhere an SSH tunnel of both its ports, the page's and the stop's, is the way:\n  krait console --port 8080 --stop-port 8081\n  ssh -L 8080:127.0.0.1:8080 -L 8081:localhost:8081 HOST"
     )]
     Console(ConsoleArgs),
     /// The same glance in a terminal of 80 columns: state, error, plane, latency, losses, recording, marks.

@@ -20,7 +20,7 @@ use crate::config::{Config, STANDARD_INPUT};
 use crate::silence::{HANGS_NS, Silence};
 use anyhow::{Context, bail};
 use core::time::Duration;
-pub use effective::of_chain as config_of_chain;
+pub use effective::KeptConfig;
 use exchange::{Exchanged, ModelDesk};
 use hand::LastHand;
 use handover::arguments_of;

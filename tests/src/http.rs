@@ -83,6 +83,27 @@ impl Console {
         request("localhost", self.stop_port(), method, path, headers, "")
     }
 
+    /// Begins a POST to the page's port whose body never comes as a whole.
+    pub fn post_in_part(&self, path: &str, headers: &[(&str, &str)]) -> TcpStream {
+        in_part("127.0.0.1", self.port, path, headers)
+    }
+
+    /// Begins such a POST to the stop.
+    pub fn stop_in_part(&self) -> TcpStream {
+        let port = self.stop_port();
+        in_part("localhost", port, &self.stop_path(), &[("Origin", &format!("http://localhost:{port}"))])
+    }
+
+    /// Asks the page's port for a path `n` times on one connection, until what came is enough.
+    pub fn flood(&self, path: &str, n: usize, is_enough: impl Fn(&str) -> bool) -> String {
+        flood("127.0.0.1", self.port, path, n, is_enough)
+    }
+
+    /// Asks the stop's port for its document `n` times on one connection, until what came is enough.
+    pub fn flood_stop(&self, n: usize, is_enough: impl Fn(&str) -> bool) -> String {
+        flood("localhost", self.stop_port(), &self.stop_path(), n, is_enough)
+    }
+
     /// Asks for a stop as the stop's own document does; what it says then.
     pub fn press_stop(&self) -> String {
         let origin = format!("http://localhost:{}", self.stop_port());
@@ -176,7 +197,7 @@ impl Console {
 }
 
 /// What comes on a connection until its end.
-fn answer_on(mut stream: TcpStream) -> HttpAnswer {
+pub fn answer_on(mut stream: TcpStream) -> HttpAnswer {
     let mut bytes = Vec::new();
     let _closed_is_fine = stream.read_to_end(&mut bytes);
     let text = String::from_utf8_lossy(&bytes).into_owned();
@@ -186,14 +207,48 @@ fn answer_on(mut stream: TcpStream) -> HttpAnswer {
 }
 
 fn request(name: &str, port: u16, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> HttpAnswer {
-    let mut text = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
+    Console::send(port, &format!("{}{body}", head(name, port, method, path, headers, body.len())))
+}
+
+/// A request up to its body of so many bytes.
+fn head(name: &str, port: u16, method: &str, path: &str, headers: &[(&str, &str)], n_bytes: usize) -> String {
+    let mut text = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {n_bytes}\r\n");
     if !headers.iter().any(|(name, _)| *name == "Host") {
         text += &format!("Host: {name}:{port}\r\n");
     }
     for (name, value) in headers {
         text += &format!("{name}: {value}\r\n");
     }
-    Console::send(port, &format!("{text}\r\n{body}"))
+    text + "\r\n"
+}
+
+/// A POST that promises 32 bytes and sends eight.
+fn in_part(name: &str, port: u16, path: &str, headers: &[(&str, &str)]) -> TcpStream {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
+    let text = head(name, port, "POST", path, headers, 32) + "01234567";
+    stream.write_all(text.as_bytes()).expect("sent");
+    stream
+}
+
+/// Asks for a path `n` times on one connection and waits for no answer; what came until it is enough, or until the connection's end.
+fn flood(name: &str, port: u16, path: &str, n: usize, is_enough: impl Fn(&str) -> bool) -> String {
+    let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
+    stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a timeout");
+    let mut asking = stream.try_clone().expect("cloned");
+    let text = format!("GET {path} HTTP/1.1\r\nHost: {name}:{port}\r\n\r\n").repeat(n);
+    let asks = std::thread::spawn(move || {
+        let _it_may_be_hung_up_on = asking.write_all(text.as_bytes());
+    });
+    let (mut heard, mut bytes) = (Vec::new(), vec![0; 64 * 1024]);
+    while !is_enough(&String::from_utf8_lossy(&heard)) {
+        match stream.read(&mut bytes) {
+            Ok(n @ 1..) => heard.extend_from_slice(&bytes[..n]),
+            _ => break,
+        }
+    }
+    let _closed_already_is_fine = stream.shutdown(Shutdown::Both);
+    asks.join().expect("asked");
+    String::from_utf8_lossy(&heard).into_owned()
 }
 
 /// Whether the other side ends a connection, with or without a word.

@@ -19,7 +19,7 @@ mod world;
 
 pub use browser::{Browser, BrowserPage};
 pub use chain_sender::{ChainScene, ChainSender};
-pub use http::{Console, HttpAnswer, Live, is_closed, next_of_kind};
+pub use http::{Console, HttpAnswer, Live, answer_on, is_closed, next_of_kind};
 pub use looks::{SIZES, Scrolls};
 pub use motion::{
     allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, kill_until_back, samples_in,

@@ -1,6 +1,7 @@
-//! A way to a port of this machine that a test can cut: bytes pass in both directions until it does.
+//! A way to a port of this machine that a test can cut and open again: bytes pass in both directions until it does.
 
 use core::sync::atomic::{AtomicU8, Ordering};
+use core::time::Duration;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,9 +13,13 @@ pub enum WayCut {
     Silent = 1,
     /// Connections are closed, and so is every new one: a server that has gone.
     Closed = 2,
+    /// What clients send waits until the way is open again, and what servers send passes: a command that is held up.
+    Held = 3,
 }
 
 const OPEN: u8 = 0;
+/// How often what waits looks whether the way is open again.
+const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 #[derive(Default)]
 struct Way {
@@ -60,12 +65,17 @@ impl CuttableWay {
         self.target
     }
 
-    /// From now on nothing passes.
+    /// From now on not everything passes.
     pub fn cut(&self, how: WayCut) {
         self.way.cut.store(how as u8, Ordering::SeqCst);
         if how == WayCut::Closed {
             locked(&self.way.streams).drain(..).for_each(|stream| close(&stream));
         }
+    }
+
+    /// From now on everything passes again, what was held up first. What was swallowed or closed does not come back.
+    pub fn open(&self) {
+        self.way.cut.store(OPEN, Ordering::SeqCst);
     }
 
     /// Whether a client has sent a text so far.
@@ -102,7 +112,10 @@ impl Way {
     fn pass(&self, mut from: TcpStream, mut to: TcpStream, is_asking: bool) {
         let mut bytes = [0; 16 * 1024];
         while let Ok(n @ 1..) = from.read(&mut bytes) {
-            if self.cut() != OPEN {
+            while is_asking && self.cut() == WayCut::Held as u8 {
+                std::thread::sleep(LOOK_EVERY);
+            }
+            if ![OPEN, WayCut::Held as u8].contains(&self.cut()) {
                 continue;
             }
             if is_asking {

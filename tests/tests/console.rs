@@ -6,7 +6,8 @@ use core::time::Duration;
 use krait_ipc::message::{OperatingState, RequestOutcome, StateAnswer, StateRequest, Transition};
 use krait_ipc::{Bus, ReadOptions};
 use krait_tests::{
-    Console, Ended, Krait, TempFolder, instance_name, is_closed, next_of_kind, processes_of, wait_until,
+    Console, Ended, Krait, Live, TempFolder, answer_on, instance_name, is_closed, next_of_kind, processes_of,
+    wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
 use tungstenite::Message;
@@ -138,6 +139,62 @@ fn what_is_too_large_too_often_or_not_understood_ends_that_page_alone() {
         wait_until(PATIENCE, || console.live(Some(&console.origin()), Some(&console.cookie())).is_ok()),
         "places are given back"
     );
+    assert_eq!(end(krait).code, Some(0));
+}
+
+/// Whether a page's live connection answers.
+fn answers(page: &mut Live, t: u32) -> bool {
+    page.send(Message::text(format!(r#"{{"k":"ping","t":{t}}}"#))).expect("sent");
+    next_of_kind(page, "pong")["t"] == f64::from(t)
+}
+
+#[test]
+fn a_body_that_never_comes_is_answered_and_hung_up_on_while_the_page_goes_on() {
+    let (krait, console) = lonely();
+    let (origin, cookie) = (console.origin(), console.cookie());
+    let mut page = console.page();
+    let known = [("Origin", origin.as_str()), ("Cookie", cookie.as_str())];
+    let begin = |n: usize| match n.is_multiple_of(2) {
+        true => console.post_in_part("/token", &known[..1]),
+        false => console.post_in_part("/lab/job", &known),
+    };
+    let begun: Vec<_> = (0..20).map(begin).collect();
+    let waiting = std::thread::spawn(|| begun.into_iter().map(answer_on).collect::<Vec<_>>());
+    let mut n_answered = 0;
+    while !waiting.is_finished() {
+        assert!(answers(&mut page, n_answered), "beside {n_answered} answers");
+        n_answered += 1;
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    assert!(n_answered > 0, "the page was answered meanwhile");
+    for answer in waiting.join().expect("answers") {
+        assert_eq!(answer.status, 408, "{answer:?}");
+        assert!(answer.body.contains("body did not come") && answer.body.lines().count() == 1, "{answer:?}");
+    }
+    assert_eq!(answer_on(console.post_in_part("/token", &[])).status, 403, "a stranger's is not waited for");
+    assert_eq!(answer_on(console.stop_in_part()).status, 200, "the stop needs no body and waits for none");
+    assert_eq!(end(krait).code, Some(0));
+}
+
+#[test]
+fn a_flood_of_requests_is_refused_in_a_sentence_and_the_stop_never_is() {
+    const N: usize = 1000;
+    let (krait, console) = lonely();
+    let mut page = console.page();
+    let n_served = |heard: &str| heard.matches("HTTP/1.1 200").count();
+    let heard = console.flood("/icon.svg", N, |heard| heard.contains("ask again"));
+    assert!((256..N).contains(&n_served(&heard)), "{} were served", n_served(&heard));
+    let refused = heard.split("HTTP/1.1 429").nth(1).and_then(|refusal| refusal.split_once("\r\n\r\n"));
+    let (headers, rest) = refused.expect("a refusal");
+    let sentence = rest.split("HTTP/1.1").next().expect("a body");
+    assert!(headers.contains("content-security-policy"), "{headers}");
+    assert!(sentence.starts_with("the console was asked too often") && !sentence.contains('\n'), "{sentence}");
+    // Another connection is served, the page's live one goes on, and the stop's port has no such bound.
+    assert_eq!(console.request("GET", "/", &[], "").status, 200);
+    assert!(answers(&mut page, 1));
+    let of_stop = console.flood_stop(N, |heard| n_served(heard) >= N);
+    assert_eq!((n_served(&of_stop), of_stop.contains("HTTP/1.1 429")), (N, false));
+    assert_eq!(console.at_stop("GET", &console.stop_path(), &[]).status, 200);
     assert_eq!(end(krait).code, Some(0));
 }
 
@@ -353,6 +410,40 @@ fn a_console_started_beside_a_chain_tells_that_chains_facts() {
     let (alone, facts, _) = console(&[]);
     assert!(facts["joints"].is_null(), "{facts}");
     assert_eq!([end(alone).code, end(beside).code], [Some(0); 2]);
+}
+
+/// A console that is there first: each chain that is started there later is the one that its pages show. One whose machine is the page's
+/// own leaves the page alone.
+#[test]
+fn a_console_started_before_its_chain_tells_the_machine_of_each_chain_that_comes() {
+    const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
+    const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
+    let instance = instance_name("before");
+    let mut krait = Krait::start(&["console", "--instance", &instance]);
+    let console = Console::of(&mut krait);
+    let run = |more: &[&str]| {
+        Krait::start(&[&["run", "--engage=again", "--no-recording", "--instance", &instance][..], more].concat())
+    };
+    let mut page = console.page();
+    let session = next_of_kind(&mut page, "hello")["session"].clone();
+    for (more, n_joints) in
+        [(&["--master", "script", "--input", SCRIPT, "--model", WRIST][..], Some(3)), (&[][..], None)]
+    {
+        let chain = run(more);
+        assert!(is_closed(&mut page, PATIENCE), "the page shall come again");
+        page = console.page();
+        let hello = next_of_kind(&mut page, "hello");
+        assert_eq!(hello["facts"]["joints"]["low"].as_array().map(Vec::len), n_joints, "{hello}");
+        assert_eq!(hello["session"], session, "the console is the same");
+        assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["shown"] == "following"));
+        assert_eq!(end(chain).code, Some(0));
+        // What it showed last stays until the next chain; the same machine once more is nothing new.
+        let again = run(more);
+        assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["shown"] != "following"));
+        assert!(wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["shown"] == "following"));
+        assert_eq!(end(again).code, Some(0));
+    }
+    assert_eq!(end(krait).code, Some(0));
 }
 
 #[test]

@@ -298,7 +298,7 @@ fn an_effect_of_one_joint_is_added_to_it_with_the_column_that_it_depends_on() {
     let beside = page.text("#lab .work .aside");
     assert!(beside.contains("half_width of backlash depends on the column sheath_deg"), "{beside}");
     let title = page.text("#lab .work .effect h3");
-    assert!(title.starts_with("backlash") && title.ends_with("(joint 2)"), "{title}");
+    assert!(title.starts_with("backlash: play: ") && title.ends_with(" in all (joint 2)"), "its size: {title}");
     press(&mut page, "Add backlash");
     press(&mut page, "Add backlash");
     bars(&mut page, 2, 0);

@@ -10,6 +10,8 @@
     reason = "a panic is how a test fails; a measurement is printed"
 )]
 
+#[path = "latency/nine_readers.rs"]
+mod nine_readers;
 #[path = "latency/ten_pages.rs"]
 mod ten_pages;
 

@@ -316,6 +316,31 @@ fn press_verify(page: &mut BrowserPage) {
     );
 }
 
+/// A page that was open before its chain was started, without a machine named by anybody: it loads anew and shows the one that runs.
+#[test]
+fn a_page_that_was_there_before_its_chain_loads_anew_and_shows_that_machine() {
+    const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
+    const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
+    let Some(browser) = Browser::start() else { return };
+    let instance = instance_name("later");
+    let mut krait = Krait::start(&["console", "--instance", &instance]);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the default machine", "document.documentElement.dataset.machine === 'snake'");
+    page.value("document.documentElement.id = 'before'; 0");
+    let run = ["run", "--engage=again", "--master", "script", "--input", SCRIPT, "--model", WRIST, "--no-recording"];
+    let chain = Krait::start(&[&run[..], &["--instance", &instance]].concat());
+    page.wait_for(
+        "the machine that came",
+        "document.documentElement.id === '' && document.documentElement.dataset.machine === 'joints' \
+         && document.documentElement.dataset.shown === 'following' && document.querySelector('#stop') !== null",
+    );
+    assert!(!page.text("#reasons").contains("another machine"), "{}", page.text("#reasons"));
+    for program in [chain, krait] {
+        program.signal(Signal::TERM);
+        program.end(PATIENCE);
+    }
+}
+
 /// A console with another configuration than the chain beside it: what it cannot draw keeps no sentence from being said, and one of them
 /// is that.
 #[test]

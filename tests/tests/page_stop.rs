@@ -1,10 +1,11 @@
 //! The stop in its own frame works by mouse and by key while the page around it is cut off or hangs, by finger while it is cut off, and
-//! its form without any script. What the slave says of itself decides, and no time does. Skipped aloud where there is no Chromium.
+//! its form without any script; a command that is held up on its way runs nothing. What the slave says of itself decides, and no time does. Skipped aloud where there is no Chromium.
 
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_ipc::message::OperatingState;
+use krait_ipc::message::{OperatingState, SlaveState, StateRequest};
+use krait_ipc::{Bus, ReadOptions};
 use krait_tests::{
     Browser, BrowserPage, Console, CuttableWay, Ended, Krait, WayCut, instance_name, is_moving, wait_for, wait_until,
 };
@@ -12,6 +13,9 @@ use rustix::process::Signal;
 use serde_json::json;
 
 const PATIENCE: Duration = Duration::from_secs(240);
+const FOLLOWS: &str = "document.documentElement.dataset.shown === 'following'";
+/// A command counts for half a second, and the page waits four for its answer.
+const LONGER_THAN_IT_COUNTS: Duration = Duration::from_millis(800);
 /// A page that hangs has not answered after this long, and never will.
 const HANGS_FOR: Duration = Duration::from_secs(1);
 
@@ -115,6 +119,63 @@ fn stops_while(cut: Option<WayCut>) {
     }
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
+}
+
+/// A command that is held up on its way for longer than it counts, and one whose connection is lost with it: nothing runs, also not after
+/// the page has connected anew, and the page says what became of each.
+#[test]
+fn a_command_that_is_held_up_on_its_way_runs_nothing_and_the_page_says_so() {
+    let instance = instance_name("page-held");
+    let mut krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--console", "--no-recording"]);
+    let console = Console::of(&mut krait);
+    let relay = CuttableWay::to(console.port);
+    let Some(browser) = Browser::start_by_way_of(&relay) else { return };
+    let mut page = browser.page(&console.address, 1280, 800);
+    page.wait_for("the snake follows", FOLLOWS);
+    page.wait_for("the clocks are joined", "/ ms$/.test(document.querySelector('#fact-live b')?.textContent ?? '')");
+    let bus = Bus::open(&instance, "test").expect("a bus");
+    let mut requests = bus.reader::<StateRequest>(ReadOptions::observing()).expect("requests");
+    let before = wait_for(&instance, "moving", is_moving);
+    while requests.take().expect("readable").is_some() {}
+
+    relay.cut(WayCut::Held);
+    press_pause(&mut page);
+    std::thread::sleep(LONGER_THAN_IT_COUNTS);
+    relay.open();
+    page.wait_for("it came too late", &says("Pause: Not done: it came too late."));
+
+    relay.cut(WayCut::Held);
+    press_pause(&mut page);
+    relay.cut(WayCut::Closed);
+    page.wait_for("the page is cut off", "document.documentElement.dataset.shown === 'stale'");
+    relay.open();
+    page.wait_for("it has connected anew", FOLLOWS);
+    page.wait_for("nothing came back", &says("Pause: no answer"));
+
+    assert!(requests.take().expect("readable").is_none(), "nothing was asked for");
+    let after = wait_for(&instance, "moving still", is_moving);
+    let counts = |state: &SlaveState| (state.state_command_sequence, state.n_stops, state.operating_state);
+    assert_eq!(counts(&after), counts(&before));
+    // The same button with the way open.
+    let asked = wait_until(PATIENCE, || {
+        page.value("document.querySelector('.command[data-wish=pause]')?.click(); 0");
+        requests.take().expect("readable").is_some()
+    });
+    assert!(asked, "it asks for a pause");
+    wait_for(&instance, "paused", |state| state.operating() == Some(OperatingState::Paused));
+    drop((requests, bus));
+    krait.signal(Signal::TERM);
+    krait.end(PATIENCE);
+}
+
+fn press_pause(page: &mut BrowserPage) {
+    page.value("document.querySelector('.command[data-wish=pause]').click(); 0");
+    assert_eq!(page.text("#ack-title"), "Pause sent");
+}
+
+/// Whether this is the newest that the page says of a command.
+fn says(title: &str) -> String {
+    format!("document.getElementById('ack-title').textContent === '{title}'")
 }
 
 /// Escape on a page that works, where STOP has not the keyboard: with the focus nowhere, and in fields that have uses of their own for keys.

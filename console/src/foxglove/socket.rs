@@ -3,9 +3,10 @@
 use super::feed::{Feed, Packet, Readers};
 use super::wire::{self, Asked, Level, PROTOCOLS, Topic};
 use super::{FoxgloveSettings, path_of};
+use crate::allowance::Allowance;
 use crate::facts::Facts;
 use crate::guard::{Token, WebOrigin, origin_of};
-use crate::live::RateAllowance;
+use crate::live::MOST_MESSAGES_PER_S;
 use crate::{ConsoleError, server::refuse};
 use axum::Router;
 use axum::extract::State;
@@ -177,7 +178,7 @@ async fn serve(mut socket: WebSocket, mut place: Place) {
         }
     }
     let mut packets: broadcast::Receiver<Arc<Packet>> = place.viewers.packets.subscribe();
-    let mut allowance = RateAllowance::default();
+    let mut allowance = Allowance::new(MOST_MESSAGES_PER_S, MOST_MESSAGES_PER_S);
     let (mut n_passed, mut n_told, mut told_ns) = (0, 0, clock::monotonic_ns());
     loop {
         let answer = tokio::select! {

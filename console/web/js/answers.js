@@ -21,13 +21,16 @@ export function explainedTiles({ base_heldout_rms: before, final_heldout_rms: af
   return make('div', 'tiles explained', ...tiles);
 }
 
+/// What an effect is called, with its size, as the command and the report say it; a formula of one's own has its name alone.
+export const titled = own => own.title ? `${own.effect}: ${own.title}` : own.effect;
+
 /// An effect with its words, its sketch and its values; `choose` hears which of those that look alike is meant, and `chosen` is its name.
 export function effectCard(own, chosen, choose, deg) {
   const values = Object.entries(own.params).filter(([, value]) => value.free !== false).map(([name, value]) => make('tr', '', make('th', '', name), make('td', 'n', `${value.value.toPrecision(3)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(1)}`)));
   const others = own.class.filter(name => name !== own.effect);
   const words = own.explanation ? [make('p', '', own.explanation.what), make('p', '', make('b', '', 'To check on the machine: '), own.explanation.check)] : [];
   if (own.sketch) words.splice(1, 0, sketch(own.sketch));
-  const card = make('div', 'effect', make('h3', '', (own.explanation ? `${own.effect}: ${own.explanation.title}` : own.effect) + (own.joint ? ` (joint ${own.joint})` : '')), ...words, make('p', '', `The error falls from ${deg(own.heldout_rms.before)} to ${deg(own.heldout_rms.after)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`), make('table', '', make('tbody', '', ...values)));
+  const card = make('div', 'effect', make('h3', '', titled(own) + (own.joint ? ` (joint ${own.joint})` : '')), ...words, make('p', '', `The error falls from ${deg(own.heldout_rms.before)} to ${deg(own.heldout_rms.after)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`), make('table', '', make('tbody', '', ...values)));
   if (others.length) {
     const group = make('fieldset', '', make('legend', '', `These data cannot tell it from ${others.length} other${others.length > 1 ? 's' : ''}`));
     for (const name of [own.effect, ...others]) {

@@ -1,5 +1,6 @@
 // A quiz for learners: one effect is hidden. What the model leaves as pictures, names to guess from, the answer and why.
 // What is hidden is known to the server's files alone until the guess is right or somebody gives up.
+import { titled } from './answers.js';
 import { make, sign } from './format.js';
 import { residualPictures, sketch } from './pictures.js';
 import { prime, reportLink, run, say, second, tile } from './work.js';
@@ -83,21 +84,21 @@ async function guess(name) {
 
 function tell(title, answer) {
   const { unit } = riddle.look.error, size = value => `${value.toFixed(2)}${sign(unit)}`;
-  const words = answer.hidden.map((name, i) => card(name, answer.explanations[i]));
+  const words = answer.hidden.map((name, i) => card(described(name, answer.explanations[i]), answer.explanations[i]));
   say(title, 'This is why:', [make('div', 'effects', ...words), make('div', 'tiles', tile('the effect alone, rms', size(answer.effect_rms_deg)), tile('the noise, rms', size(answer.noise_rms_deg))), pictures()],
     [prime('Another riddle', () => askWhich()), second('How the lab finds it', solve), reportLink('look', 'More pictures')]);
 }
 
-function card(name, says, ...more) {
+function card(title, says, ...more) {
   const words = says ? [make('p', '', says.what), make('p', '', make('b', '', 'To check on the machine: '), says.check)] : [];
-  return make('div', 'effect', make('h3', '', described(name, says)), ...words, ...more);
+  return make('div', 'effect', make('h3', '', title), ...words, ...more);
 }
 
 async function solve() {
   const answer = await run({ verb: 'solve', riddle: riddle.name }, 'Trying every effect …', showQuiz);
   if (!answer) return;
   const back = riddle.draw, found = answer.effects.length ? answer.effects : answer.partial;
-  const cards = found.map(own => card(own.effect, own.explanation, ...(own.sketch ? [sketch(own.sketch)] : []), make('p', '', `The error falls from ${own.heldout_rms.before.toFixed(2)} to ${own.heldout_rms.after.toFixed(2)}${sign(own.unit)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`)));
+  const cards = found.map(own => card(titled(own), own.explanation, ...(own.sketch ? [sketch(own.sketch)] : []), make('p', '', `The error falls from ${own.heldout_rms.before.toFixed(2)} to ${own.heldout_rms.after.toFixed(2)}${sign(own.unit)}; it came out best in ${(100 * own.probability).toFixed(0)} of 100 resamplings.`)));
   riddle.draw = () => say(`The lab says: ${answer.sentence}.`, 'It tried every effect that it knows, alone and in pairs, on data that it was not fitted to.', [make('div', 'effects', ...cards)], [prime('Back to the answer', () => { riddle.draw = back; back(); }), reportLink('solve', 'Its pictures')]);
   redraw();
 }

@@ -21,6 +21,8 @@ function narrow(stamp, asked, came) {
   offset = ahead.most === Infinity ? null : (ahead.least + ahead.most) / 2;
 }
 
+const machineSaid = facts => JSON.stringify({ ...facts, recording: null, compensation: null });
+
 function connect() {
   const url = `ws://${self.location.host}/live`;
   socket = new WebSocket(url);
@@ -37,7 +39,8 @@ function take(message) {
   switch (message.k) {
     case 'frame': return takeFrame(message);
     case 'hello':
-      if (session !== null && session !== message.session) return tell('reload', {});
+      // Another console, or a chain of another machine: recording and compensation are the chain's, all else the machine's.
+      if (session !== null && (session !== message.session || machineSaid(message.facts) !== machineSaid(facts))) return tell('reload', {});
       session = message.session;
       facts = message.facts;
       // Of joints nothing is known but their positions, which the page shows as bars.

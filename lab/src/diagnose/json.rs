@@ -148,6 +148,7 @@ fn effect(found: &FoundEffect, unit: &str) -> Value {
         "unit": unit,
         "probability": found.probability,
         "params": parameters,
+        "title": found.title(),
         "explanation": explanation(&found.name),
         "sketch": found.sketch.as_ref().map(|own| json!({
             "position": own.position.iter().map(short).collect::<Vec<_>>(),

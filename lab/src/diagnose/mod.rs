@@ -46,6 +46,7 @@ mod rhythm;
 pub mod screen;
 pub mod search;
 pub mod sign_flip;
+mod size;
 mod sketch;
 mod stand;
 pub mod structure;

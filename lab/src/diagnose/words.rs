@@ -1,6 +1,6 @@
 //! A verdict and a candidate's fate in words.
 
-use super::answer::{FoundEffect, FoundParameter, Remaining, Verdict};
+use super::answer::{FoundEffect, Remaining, Verdict};
 use crate::machine::Candidate;
 use crate::{FEWEST_BLOCKS, Problem, scored_time_s};
 
@@ -49,7 +49,7 @@ const NAMED: usize = 4;
 /// The effects of a headline: each with its place, its size and what it cannot be told from.
 pub(crate) fn named(effects: &[FoundEffect], place: impl Fn(&FoundEffect) -> String) -> String {
     let one = |effect: &FoundEffect| {
-        let size = effect.parameters.iter().find(|own| own.is_free).map(size);
+        let size = effect.size();
         let alike = (effect.class.len() > 1).then(|| format!("or {}", effect.class[1..].join(", ")));
         let details: Vec<String> = size.into_iter().chain(alike).collect();
         let details = if details.is_empty() { String::new() } else { format!(" ({})", details.join("; ")) };
@@ -72,28 +72,6 @@ pub(crate) fn sure(effects: &[FoundEffect]) -> String {
         p if p > 0.99 => format!("sure {of}: more than 99 %"),
         p => format!("sure {of}: {:.0} %{or_more}", 100.0 * p),
     }
-}
-
-/// A parameter in the unit that people think in.
-fn size(own: &FoundParameter) -> String {
-    let (value, unit) = match own.unit.as_str() {
-        "rad" => (own.value.to_degrees(), " deg"),
-        "m" => (1e3 * own.value, " mm"),
-        "1" => (own.value, ""),
-        other => (own.value, other),
-    };
-    let space = if unit.is_empty() || unit.starts_with(' ') { "" } else { " " };
-    format!("{} {}{space}{unit}", own.name, three_digits(value))
-}
-
-/// A number with three digits that count.
-fn three_digits(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 || !(1e-3..1e4).contains(&size) {
-        return if value == 0.0 { "0".to_owned() } else { format!("{value:.2e}") };
-    }
-    let behind_point = (2.0 - size.log10().floor()).max(0.0) as usize;
-    format!("{value:.behind_point$}")
 }
 
 /// The verdict in one sentence.

@@ -87,7 +87,8 @@ pub(super) fn found(found: &[FoundEffect], names: &Names, unit: &str, is_partial
     let before = format!("error before ({unit})");
     let mut text = format!("<h2>{heading}</h2>\n");
     for (effect, own) in found.iter().filter_map(|own| Some((own, explanation(&own.name)?))) {
-        text += &format!("<h3>{}: {}</h3>\n", escape(&label(effect, names)), escape(own.title));
+        text +=
+            &format!("<h3>{}: {}</h3>\n", escape(&label(effect, names)), escape(&effect.title().unwrap_or_default()));
         text += &paragraph(&own.what);
         text += &effect.sketch.as_ref().map_or(String::new(), sketch::svg);
         text += &paragraph(&format!("To check on the machine: {}", own.check));

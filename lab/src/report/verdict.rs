@@ -31,7 +31,7 @@ pub(super) fn plain(diagnosis: &Diagnosis, names: &Names) -> String {
     }
 }
 
-/// The effects as people call them, with place and look-alikes.
+/// The effects as people call them, with size, place and look-alikes.
 fn causes(effects: &[FoundEffect], names: &Names) -> String {
     let title = |name: &str| explanation(name).map_or_else(|| name.to_owned(), |own| own.title.to_owned());
     let one = |effect: &FoundEffect| {
@@ -41,7 +41,8 @@ fn causes(effects: &[FoundEffect], names: &Names) -> String {
             0 => String::new(),
             _ => format!(" (or {}: these data cannot tell)", others.join(" or ")),
         };
-        format!("\"{}\"{place}{alike}", title(&effect.name))
+        let own = effect.title().unwrap_or_else(|| effect.name.clone());
+        format!("\"{own}\"{place}{alike}")
     };
     effects.iter().map(one).collect::<Vec<_>>().join(" and ")
 }

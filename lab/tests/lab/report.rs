@@ -1,7 +1,7 @@
 //! Pages of the lab: whole, alone, the same bytes each time, and safe against names from outside.
 
 use krait_lab::compare::compare;
-use krait_lab::diagnose::{DiagnoseOptions, diagnose};
+use krait_lab::diagnose::{DiagnoseOptions, FoundEffect, diagnose};
 use krait_lab::machine::{JointsLab, MachineUnderTest, SnakeLab};
 use krait_lab::read::{ColumnMap, read};
 use krait_lab::report::{PageOrigin, added_page, comparison_page, diagnosis_page, history_page, residual_curves};
@@ -252,8 +252,11 @@ fn pages_of_joints_show_each_output_and_no_bend() {
     )
     .expect("added");
     let diagnosed = diagnosis_page(&machine, &data, &found, origin()).expect("a page");
-    let verdict = "The model lacks &quot;play&quot; at joint 1";
-    assert!(diagnosed.contains(verdict), "what it is called, and where: {:?}", found.sentence);
+    let title = found.effects.first().and_then(FoundEffect::title).expect("a title");
+    assert!(title.starts_with("play: ") && title.ends_with(" in all"), "{title}");
+    let verdict = format!("The model lacks &quot;{title}&quot; at joint 1");
+    assert!(diagnosed.contains(&verdict), "what it is called, how large, and where: {:?}", found.sentence);
+    assert!(diagnosed.contains(&format!(": {title}</h3>")), "above its words too");
     assert_eq!(lengths(figure(&diagnosed, "Waterfall.")).len(), 2, "before and after, of joints too");
     for page in [
         diagnosed,

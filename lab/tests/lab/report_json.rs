@@ -58,7 +58,7 @@ const KEYS: [(&str, &str); 41] = [
     ("remaining.unexplained_share", "n"),
     ("remaining.groups", "a"),
 ];
-const OF_EFFECT: [(&str, &str); 10] = [
+const OF_EFFECT: [(&str, &str); 11] = [
     ("effect", "s"),
     ("joint", "n?"),
     ("class", "a"),
@@ -67,6 +67,7 @@ const OF_EFFECT: [(&str, &str); 10] = [
     ("unit", "s"),
     ("probability", "n"),
     ("params", "o"),
+    ("title", "s?"),
     ("explanation", "o?"),
     ("sketch", "o?"),
 ];
@@ -139,6 +140,9 @@ fn assert_contract(found: &Diagnosis) -> Value {
         assert!(params.values().any(|own| own["free"] == true && own["se"].as_f64() > Some(0.0)), "{effect}");
         let explained = &effect["explanation"];
         assert!(["title", "what", "check"].iter().all(|key| explained[key].is_string()), "{effect}");
+        let [title, plain] = [&effect["title"], &explained["title"]].map(|own| own.as_str().expect("a title"));
+        let size = title.strip_prefix(plain).and_then(|rest| rest.strip_prefix(": "));
+        assert!(size.is_some_and(|size| size.contains(|c: char| c.is_ascii_digit())), "{title} carries its size");
     }
     list(&json, "candidates").iter().for_each(|own| assert_has(own, &OF_CANDIDATE));
     list(&json, "calibration").iter().for_each(|own| assert_has(own, &OF_CALIBRATION));

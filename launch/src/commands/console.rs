@@ -4,6 +4,7 @@ use crate::cli::Common;
 use crate::cli_console::ConsoleArgs;
 use crate::config::Config;
 use crate::in_force::{ModelInForce, drawn_of, lanes_of};
+use crate::supervisor::KeptConfig;
 use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel, SegmentModel};
@@ -33,6 +34,7 @@ const BASE_MODEL: &str = include_str!("../../../docs/lab-tutorial/base.toml");
 pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     let stop = signals::stop_flag()?;
     signals::end_with_supervisor()?;
+    let mut kept = None;
     let (bus, facts, viewers) = match &args.recording {
         Some(path) => {
             let (bus, facts) = of_recording(common, path)?;
@@ -40,7 +42,10 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
         }
         None => {
             let bus = Bus::open(&common.instance, NAME)?;
-            let config = config_beside(&bus, common)?;
+            let config = match &common.config {
+                Some(path) => Config::load(Some(path))?,
+                None => kept.insert(KeptConfig::of(&bus)).newer()?.unwrap_or_default(),
+            };
             let model = config.model()?;
             let wish = &args.viewers;
             let viewers = wish.foxglove.then(|| viewers_of(&config, &model, &wish.foxglove_origin)).transpose()?;
@@ -63,15 +68,34 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
         program: supervisor::own_program()?,
         foxglove: viewers,
     };
-    krait_console::run(bus, settings, facts, announce, &stop)?;
+    let (instance, has_viewers) = (common.instance.clone(), settings.foxglove.is_some());
+    // Without `--config` the page shows whatever chain runs here, also one that is started later.
+    let newer = move || newer_facts(kept.as_mut()?, &instance, has_viewers);
+    krait_console::run(bus, settings, facts, newer, announce, &stop)?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// The configuration that the user names, else that of the chain that runs here, else the defaults.
-fn config_beside(bus: &Bus, common: &Common) -> anyhow::Result<Config> {
-    match &common.config {
-        Some(path) => Config::load(Some(path)),
-        None => Ok(supervisor::config_of_chain(bus)?.unwrap_or_default()),
+/// The facts of a chain that came since they were asked for last. What cannot be taken over is said in the log, and the page stays as it
+/// is.
+fn newer_facts(kept: &mut KeptConfig, instance: &str, has_viewers: bool) -> Option<Facts> {
+    let found = kept.newer().transpose()?;
+    match found.and_then(|config| facts_of(instance, &config, &config.model()?)) {
+        Ok(facts) => {
+            if has_viewers {
+                tracing::warn!(
+                    "viewers are served the machine that the console was started with, and the page that of the chain that runs; start \
+                     krait console anew where they differ"
+                );
+            }
+            Some(facts)
+        }
+        Err(error) => {
+            tracing::warn!(
+                "the page keeps the machine that it has, as that of the chain that runs is not known: {error:#}; start krait console \
+                 anew with --config"
+            );
+            None
+        }
     }
 }
 

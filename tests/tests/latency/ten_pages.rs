@@ -5,9 +5,9 @@ use super::PATIENCE;
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{OperatingState, SlaveState};
-use krait_record::Recording;
-use krait_schema::Sample;
-use krait_tests::{Browser, BrowserPage, Console, Krait, TempFolder, instance_name, next_of_kind, wait_until};
+use krait_tests::{
+    Browser, BrowserPage, Console, Krait, TempFolder, instance_name, next_of_kind, states_in, wait_until,
+};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -50,7 +50,7 @@ const WAYS: [&str; 7] = [
 ];
 
 /// When a stretch of a way began and ended, ns.
-type Stretches = Vec<(&'static str, i64, i64)>;
+pub(super) type Stretches = Vec<(&'static str, i64, i64)>;
 
 #[test]
 #[ignore = "a benchmark of minutes; .ci/long runs it"]
@@ -148,7 +148,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
 }
 
 /// Tells the other threads that it is over.
-struct Ending<'a>(&'a AtomicBool);
+pub(super) struct Ending<'a>(pub(super) &'a AtomicBool);
 
 impl Drop for Ending<'_> {
     fn drop(&mut self) {
@@ -157,13 +157,17 @@ impl Drop for Ending<'_> {
 }
 
 fn stretch(way: &'static str) -> (&'static str, i64, i64) {
+    stretch_of(way, STRETCH)
+}
+
+pub(super) fn stretch_of(way: &'static str, length: Duration) -> (&'static str, i64, i64) {
     let from_ns = monotonic_ns();
-    std::thread::sleep(STRETCH);
+    std::thread::sleep(length);
     (way, from_ns, monotonic_ns())
 }
 
 /// A page without a picture: it takes every frame.
-fn read_until(console: &Console, ended: &AtomicBool) {
+pub(super) fn read_until(console: &Console, ended: &AtomicBool) {
     let mut live = console.page();
     while !ended.load(Ordering::Relaxed) {
         next_of_kind(&mut live, "frame");
@@ -267,20 +271,18 @@ struct Way {
     widest: f64,
 }
 
-/// Prints what each way cost the chain. No state is missing, and no stop needed more than a pause.
-fn print_chain(recording: &str, stretches: &Stretches, n_turns: usize) -> BTreeMap<&'static str, Way> {
-    let states: Vec<SlaveState> = Recording::open(Path::new(recording))
-        .and_then(|recording| recording.samples())
-        .expect("readable")
-        .filter_map(
-            |recorded| if let Sample::State(state) = recorded.expect("readable").sample { Some(state) } else { None },
-        )
-        .collect();
+/// The states of a recording, of which none is missing.
+pub(super) fn all_states_in(recording: &str) -> Vec<SlaveState> {
+    let states = states_in(recording);
     let n_missing: u64 = states.windows(2).map(|pair| pair[1].sequence - pair[0].sequence - 1).sum();
     assert_eq!(n_missing, 0, "states that the recording lacks");
+    states
+}
+
+/// What the samples of each way took end to end, stretch by stretch, us.
+pub(super) fn latencies_us(states: &[SlaveState], stretches: &Stretches) -> BTreeMap<&'static str, Vec<Vec<f64>>> {
     let mut sequence = 0;
     let mut of_way: BTreeMap<&str, Vec<Vec<f64>>> = BTreeMap::new();
-    let mut ways = BTreeMap::new();
     for (way, from_ns, to_ns) in stretches.iter().filter(|(way, ..)| *way != "stop") {
         let inside = states.iter().filter(|state| (*from_ns..*to_ns).contains(&state.stamps.device_ns));
         let fresh =
@@ -291,6 +293,14 @@ fn print_chain(recording: &str, stretches: &Stretches, n_turns: usize) -> BTreeM
             .or_default()
             .push(latencies.map(|state| state.stamps.end_to_end_ns() as f64 * 1e-3).collect());
     }
+    of_way
+}
+
+/// Prints what each way cost the chain. No state is missing, and no stop needed more than a pause.
+fn print_chain(recording: &str, stretches: &Stretches, n_turns: usize) -> BTreeMap<&'static str, Way> {
+    let states = all_states_in(recording);
+    let of_way = latencies_us(&states, stretches);
+    let mut ways = BTreeMap::new();
     for way in WAYS {
         let each = |q: f64| list(of_way[way].iter().map(|own| quantile(own, q)));
         let all: Vec<f64> = of_way[way].iter().flatten().copied().collect();
@@ -360,7 +370,7 @@ fn share(&(_, from_ns, to_ns): &(&str, i64, i64), ticks: f64) -> f64 {
     ticks / TICKS_PER_S / ((to_ns - from_ns) as f64 * 1e-9)
 }
 
-fn quantile(values: &[f64], q: f64) -> f64 {
+pub(super) fn quantile(values: &[f64], q: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(((sorted.len() as f64 * q) as usize).min(sorted.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)

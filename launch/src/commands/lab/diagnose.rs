@@ -186,7 +186,7 @@ fn text(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String
         let mut told: Vec<&str> = found.iter().map(|own| own.name.as_str()).collect();
         told.sort_unstable();
         told.dedup();
-        text += &told.into_iter().map(in_words).collect::<String>();
+        text += &told.into_iter().map(|name| in_words(name, found, names)).collect::<String>();
     }
     for own in &diagnosis.variations {
         text += &print::paragraph(&capital(&own.sentence));
@@ -224,10 +224,12 @@ fn locked(args: &DiagnoseArgs, diagnosis: &Diagnosis, unit: &str) -> String {
     )
 }
 
-/// What an effect is, and what to check on the machine.
-fn in_words(name: &str) -> String {
+/// What an effect is, how large wherever it was found, and what to check on the machine.
+fn in_words(name: &str, found: &[FoundEffect], names: &Names) -> String {
     let Some(own) = explanation(name) else { return String::new() };
-    print::paragraph(&format!("{name}: {}. {} To check on the machine: {}", own.title, own.what, own.check))
+    let titled = |effect: &FoundEffect| effect.title().map(|title| format!("{}: {title}", label(effect, names)));
+    let titles: Vec<String> = found.iter().filter(|effect| effect.name == name).filter_map(titled).collect();
+    print::paragraph(&format!("{}. {} To check on the machine: {}", titles.join("; "), own.what, own.check))
 }
 
 /// What every fit found beside the effects.
