@@ -43,7 +43,7 @@ const WRONG: &str = "(scrolls => {
         // A font's box is higher than its letters.
         for (const rect of range.getClientRects()) texts.push(within(shrunk(rect, 0.2), parent));
     }
-    const selectors = ['#glyph', '.command', '#stop', '.needs > div', '.card', '.bar', '#dial', '.views', '.tabs button', '.icon', '.fact'];
+    const selectors = ['#glyph', '.command', '#stop', '.needs > div', '.card', '.bar', '#dial', '.views', '#pad', '.tabs button', '.icon', '.fact'];
     const boxes = selectors.flatMap(selector => [...document.querySelectorAll(selector)]).filter(e => isShown(e) && e.getBoundingClientRect().width > 0)
         .map(of => within(of.getBoundingClientRect(), of));
     const isSeen = ({ top, bottom }) => bottom - top > 1;

@@ -197,6 +197,8 @@ fn one_button_adds_all_that_was_found_and_the_rail_shows_what_was_written() {
     let of_first = format!("{}.", effects[0]);
     let is_of_first = |own: &serde_json::Value| own.as_str().is_some_and(|own| own.starts_with(&of_first));
     assert!(values.as_array().is_some_and(|all| all.iter().any(is_of_first)), "both were fitted: {values}");
+    let has_its_effect = |own: &serde_json::Value| own.as_str().is_some_and(|own| own.contains('.'));
+    assert!(values.as_array().is_some_and(|all| all.iter().all(has_its_effect)), "each has its effect: {values}");
     let path = folder.file(&name);
     let own = Ended::of(&["lab", "compare", "--model", &path, "--data", &data, "--json"], PATIENCE).json();
     let (left, shown) = (own["error"]["rms"].as_f64().expect("a number"), bar_values(&mut page));

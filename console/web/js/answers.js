@@ -44,7 +44,9 @@ export function effectCard(own, chosen, choose, deg) {
   return card;
 }
 
-/// The values that a fit found, each with its standard error.
+/// The values that a fit found, each with its standard error; those of a new effect beside others' have its name before them.
 export function valuesOf(answer) {
-  return make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', key), make('td', 'n', `${value.value.toPrecision(4)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))));
+  const isBeside = Object.keys(answer.params).some(key => key.includes('.'));
+  const named = key => isBeside && !key.includes('.') ? `${answer.effect}.${key}` : key;
+  return make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', named(key)), make('td', 'n', `${value.value.toPrecision(4)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))));
 }
