@@ -97,10 +97,11 @@ fn a_camera_that_was_mounted_anew_is_calibration_of_its_recording() {
     }
     assert!(found.cameras[0].is_none() && !found.cameras[1].is_none());
     assert!(found.cautions.iter().any(|own| own.contains("stood otherwise than in run0.csv")), "{:?}", found.cautions);
-    // The second recording is the one that no choice has seen: where its camera stands, its first third says.
+    // The second recording is the one that no choice has seen: where its camera stands, its first third says. The noise of the rows
+    // behind it is known to 2 %; unmoved, the error would be more than twice the noise.
     let locked = found.locked.as_ref().unwrap();
     assert!(
-        locked.effects.len() == 1 && (locked.rms / noise_deg - 1.0).abs() < 0.06 && locked.base_rms > 2.0 * locked.rms,
+        locked.effects.len() == 1 && (locked.rms / noise_deg - 1.0).abs() < 0.1 && locked.base_rms > 2.0 * locked.rms,
         "{locked:?}"
     );
 }
