@@ -71,8 +71,10 @@ impl SharedAllowance {
 /// The answer to who asks too often.
 pub(crate) async fn too_often() -> Response {
     tokio::time::sleep(REFUSAL_PAUSE).await;
-    let sentence = "the console was asked too often; expected at most 32 requests a second of a connection that goes on asking, \
-                    and 512 of all pages without the token: wait a second and ask again";
+    let sentence = format!(
+        "the console was asked too often; expected at most {PER_S_OF_CONNECTION} requests a second of a connection that goes on asking, \
+         and {PER_S_OF_STRANGERS} of all pages without the token: wait a second and ask again"
+    );
     let wait = [(header::RETRY_AFTER, HeaderValue::from_static("1"))];
     (StatusCode::TOO_MANY_REQUESTS, wait, sentence).into_response()
 }

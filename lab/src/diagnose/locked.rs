@@ -102,7 +102,7 @@ fn of_recording(
         Some(joints) => Scored::new(&calibrated(&joints.with_effects(terms), &begin)?, &there, from)?.rms(terms),
         None => {
             let moved = by_own_third(machine, (&begin, &there), options, &open, terms)?;
-            let from = row_at(&moved, there.trial[from], there.time_s[from]);
+            let from = row_at(&moved, there.trial[from], there.time_s[from]).unwrap_or(moved.n_rows());
             Scored::new(machine, &moved, from)?.rms(terms)
         }
     };
@@ -138,10 +138,7 @@ fn of_end(
     let all = data.by_clocks(&open.clocks, &[0]);
     let locked_time_s = data.time_s[first];
     let trial = data.trial[first];
-    let first = row_at(&all, trial, locked_time_s);
-    if first == all.n_rows() {
-        return Ok(None);
-    }
+    let Some(first) = row_at(&all, trial, locked_time_s) else { return Ok(None) };
     let joints = open.calibrated.as_ref().or(machine.as_joints());
     let began = joints
         .filter(|_| is_trial && has_starts(&open.terms, data.n_inputs))
@@ -184,11 +181,9 @@ fn rows(data: &Measurements, range: core::ops::Range<usize>) -> Measurements {
     data.select(&range.collect::<Vec<_>>())
 }
 
-/// The first row of a trial from a time on, behind the last one where there is none: rows of measurements that a clock has moved stand
-/// between those of the commands.
-fn row_at(data: &Measurements, trial: u32, time_s: f64) -> usize {
-    let is_there = |row: &usize| data.trial[*row] == trial && data.time_s[*row] >= time_s;
-    (0..data.n_rows()).find(is_there).unwrap_or(data.n_rows())
+/// The first row of a trial from a time on: rows of measurements that a clock has moved stand between those of the commands.
+fn row_at(data: &Measurements, trial: u32, time_s: f64) -> Option<usize> {
+    (0..data.n_rows()).find(|&row| data.trial[row] == trial && data.time_s[row] >= time_s)
 }
 
 /// The first row of the locked part: it goes to the end.

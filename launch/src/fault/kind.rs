@@ -216,7 +216,7 @@ impl Fault {
         matches!(self.row().0, FaultPlace::Process(_, Blow::Stall)) && stall_s < PASSES_S
     }
 
-    /// The silence that it makes by itself, ns: so much less of the machine's own ends the motion.
+    /// The silence that it makes by itself, ns.
     pub fn silence_ns(self) -> i64 {
         if self == Self::Burst { BURST_NS } else { 0 }
     }

@@ -64,6 +64,8 @@ pub fn play(fault: Fault, moment: StrikeTime, folder: &Path, stop: &AtomicBool) 
         write(&truth, &format!("[encoders]\nsticks_at_m = [{STICKS_AT_M}, 0.0, 0.0]\n"))?;
         config.slave.truth = Some(truth);
     }
+    // So much more silence ends the motion.
+    let allowed_ns = (config.slave.watchdog_ms * 1e6) as i64 - fault.silence_ns();
     let scene = Scene { fault, folder, config, moment, stop };
     let pauses = Pauses::above(PRIORITY)?;
     let seen = match place {
@@ -72,8 +74,7 @@ pub fn play(fault: Fault, moment: StrikeTime, folder: &Path, stop: &AtomicBool) 
         FaultPlace::Launch(blow) | FaultPlace::Console(blow) => scene.started_by_hand(place, blow),
         _ => scene.whole(place),
     }?;
-    let machine_pause_ms =
-        seen.span_ns.map(|span_ns| pauses.longest_ms(span_ns, fault.silence_ns())).unwrap_or_default();
+    let machine_pause_ms = seen.span_ns.map(|span_ns| pauses.longest_ms(span_ns, allowed_ns)).unwrap_or_default();
     let unreadable = fault.leaves_recording().then(|| read_through(&recording_in(fault, folder)).err()).flatten();
     Ok(Observed {
         left: scene.left()?,
