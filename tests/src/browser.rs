@@ -14,6 +14,10 @@ use tungstenite::{Message, WebSocket};
 
 /// Names under which distributions install it.
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+/// The call that asks a page for a script's value.
+const EVALUATE: &str = "Runtime.evaluate";
+/// What the browser says of a script that was asked while the page loaded anew.
+const NAVIGATED: &str = "Inspected target navigated or closed";
 /// A page on a busy machine takes its time.
 const PATIENCE: Duration = Duration::from_secs(240);
 /// The kernel shares a processor out between sessions first, and within each by nice values. An operator's browser has another session
@@ -141,6 +145,19 @@ pub struct BrowserPage {
     inner: Vec<(String, String)>,
 }
 
+/// The result of a DevTools call, which must have been done.
+fn result_of(method: &str, answer: &Value) -> Value {
+    assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
+    answer["result"].clone()
+}
+
+/// The value in the answer to a script, which must have run to its end.
+fn value_of(script: &str, answer: &Value) -> Value {
+    let result = result_of(EVALUATE, answer);
+    assert!(result["exceptionDetails"].is_null(), "{script}: {}", result["exceptionDetails"]);
+    result["result"]["value"].clone()
+}
+
 impl BrowserPage {
     /// One DevTools call.
     pub fn call(&mut self, method: &str, params: &Value) -> Value {
@@ -148,12 +165,16 @@ impl BrowserPage {
     }
 
     fn call_in(&mut self, session: Option<String>, method: &str, params: &Value) -> Value {
+        result_of(method, &self.answer_in(session, method, params))
+    }
+
+    /// The answer to a DevTools call, with its result or its error.
+    fn answer_in(&mut self, session: Option<String>, method: &str, params: &Value) -> Value {
         self.send(session, method, params);
         loop {
             let answer = self.heard().expect("the browser answers");
             if answer["id"] == self.n_calls {
-                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
-                return answer["result"].clone();
+                return answer;
             }
         }
     }
@@ -201,21 +222,18 @@ impl BrowserPage {
 
     /// The value of a script in such a session, awaited.
     pub fn value_in(&mut self, session: &str, script: &str) -> Value {
-        let params = json!({ "expression": script, "awaitPromise": true, "returnByValue": true });
-        let result = self.call_in(Some(session.to_owned()), "Runtime.evaluate", &params);
-        assert!(result["exceptionDetails"].is_null(), "{script}: {}", result["exceptionDetails"]);
-        result["result"]["value"].clone()
+        value_of(script, &self.evaluated(Some(session.to_owned()), script))
     }
 
     /// Begins a script in such a session and waits for nothing.
     pub fn begin_in(&mut self, session: &str, script: &str) {
-        self.send(Some(session.to_owned()), "Runtime.evaluate", &json!({ "expression": script }));
+        self.send(Some(session.to_owned()), EVALUATE, &json!({ "expression": script }));
     }
 
     /// Whether the page's main thread answers within a time. A page of which it does not is not to be asked again.
     pub fn answers_within(&mut self, patience: Duration) -> bool {
         self.socket.get_ref().set_read_timeout(Some(patience)).expect("a timeout");
-        self.send(self.session.clone(), "Runtime.evaluate", &json!({ "expression": "0" }));
+        self.send(self.session.clone(), EVALUATE, &json!({ "expression": "0" }));
         loop {
             match self.heard() {
                 Ok(said) if said["id"] == self.n_calls => return true,
@@ -227,10 +245,13 @@ impl BrowserPage {
 
     /// The value of a script, awaited.
     pub fn value(&mut self, script: &str) -> Value {
+        value_of(script, &self.evaluated(self.session.clone(), script))
+    }
+
+    /// The answer to a script, awaited.
+    fn evaluated(&mut self, session: Option<String>, script: &str) -> Value {
         let params = json!({ "expression": script, "awaitPromise": true, "returnByValue": true });
-        let result = self.call("Runtime.evaluate", &params);
-        assert!(result["exceptionDetails"].is_null(), "{script}: {}", result["exceptionDetails"]);
-        result["result"]["value"].clone()
+        self.answer_in(session, EVALUATE, &params)
     }
 
     /// The text of an element.
@@ -239,10 +260,14 @@ impl BrowserPage {
         value.as_str().expect("text").to_owned()
     }
 
-    /// Waits until a script says true. A document that is not there yet says false.
+    /// Waits until a script says true. A document that is not there yet, or has just made room for the next one, says false.
     pub fn wait_for(&mut self, what: &str, script: &str) {
-        let script = &format!("document.documentElement !== null && document.body !== null && ({script})");
-        let done = wait_until(PATIENCE, || self.value(script) == json!(true));
+        let is_there = "location.href !== 'about:blank' && document.readyState !== 'loading' && document.body !== null";
+        let script = &format!("{is_there} && ({script})");
+        let done = wait_until(PATIENCE, || {
+            let answer = self.evaluated(self.session.clone(), script);
+            answer["error"]["message"] != NAVIGATED && value_of(script, &answer) == json!(true)
+        });
         let shown = if done { Value::Null } else { self.value("document.body?.innerText") };
         assert!(done, "{what}: did not come about; {:?}; the page shows {shown}", self.complaints);
     }
