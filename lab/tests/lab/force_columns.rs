@@ -142,10 +142,13 @@ fn nothing_is_said_of_columns_that_are_right() {
     }
 }
 
+/// Torque of a joint at an angle, in a row.
+type Part = fn(f64, usize) -> f64;
+
 /// What no plain joint has: a spring, cogging, dry friction that rises with the way, noise alone.
 #[test]
 fn nothing_is_said_of_right_columns_of_joints_that_are_not_plain() {
-    let parts: [(&str, fn(f64, usize) -> f64); 4] = [
+    let parts: [(&str, Part); 4] = [
         ("spring", |q, _| 2.0 * q),
         ("cogging", |q, _| 0.4 * (30.0 * q).sin()),
         ("steps", |_, row| if row > ROWS / 2 { 1.0 } else { 0.0 }),
