@@ -239,6 +239,7 @@ impl Offered {
     fn sizes(self) -> Vec<f64> {
         let typical = match self.0.text.hook {
             Hook::Tau => 1.0,
+            Hook::Force => 0.1,
             Hook::Meas => 0.01,
             _ => 1e-4,
         };

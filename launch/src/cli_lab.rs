@@ -212,7 +212,7 @@ pub struct AddArgs {
     /// A formula's name.
     #[arg(long, default_value = "formula")]
     pub name: String,
-    /// Where a formula's value is added: eps, tau, geo, meas or enc.
+    /// Where a formula's value is added: eps, tau, geo, meas or enc; of segments meas, of joints joint, of kind force force.
     #[arg(long, value_name = "HOOK")]
     pub hook: Option<String>,
     /// The formula.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 const LARGE: f64 = 5.0;
 /// ... and another arrangement of the columns is probable when it leaves less than this part of them.
 const MUCH_LESS: f64 = 0.35;
-const DEG_PER_RAD: f64 = 180.0 / PI;
+pub(super) const DEG_PER_RAD: f64 = 180.0 / PI;
 
 /// Another arrangement of the columns.
 struct Arrangement {

@@ -1,7 +1,7 @@
 //! Diagnosis: which effect is missing, how sure that is, and what these data cannot tell.
 //!
 //! 1. The noise floor and outliers, without any model of what is missing (`noise`).
-//!    Columns that another order or unit explains far better are said instead of any effect (`columns`).
+//!    Columns that another order or unit explains far better are said instead of any effect (`columns`, `force_columns`).
 //! 2. Screening of every candidate to first order, and one p-value for the whole search (`screen`, `sign_flip`).
 //! 3. Singles and pairs refined by whole simulations, ranked by what they leave and by their number of parameters (`search`), and
 //!    longer lists by a beam behind them (`lists`), their members exchanged or begun anew until that brings nothing; then other lists
@@ -29,6 +29,7 @@ mod experiment;
 mod findings;
 mod fine_shapes;
 pub(crate) mod floor;
+mod force_columns;
 mod force_rest;
 mod gate;
 mod json;

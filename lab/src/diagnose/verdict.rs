@@ -14,7 +14,7 @@ use super::stand::Beside;
 use super::whole::DiagnoseOptions;
 use super::words::{sentence, state, too_short};
 use super::working::{tried_rows, working_rows};
-use super::{GroupShare, columns, experiment, force_rest, gate, lists, omitted, structure};
+use super::{GroupShare, columns, experiment, force_columns, force_rest, gate, lists, omitted, structure};
 use crate::cells::{Usable, load_cells};
 use crate::fit::{Uncertainty, dot, held_out_block_squares, uncertainty};
 use crate::free::free_variables;
@@ -23,7 +23,7 @@ use crate::noise::{FloorSource, NoiseFloor};
 use crate::prepare::{Prepared, prepare};
 use crate::read::scatter_before_filter;
 use crate::stage::stage;
-use crate::{FEWEST_BLOCKS, LabError, Measurements, Problem, Term};
+use crate::{FEWEST_BLOCKS, LabError, Measurements, Problem, Quantity, Term};
 
 /// A rest of structure below this level is no chance.
 const LEVEL_OF_REST: f64 = 0.02;
@@ -65,7 +65,10 @@ pub(super) fn by_one_clock(
         seed: options.seed,
     };
     let is_white = loads.cells().is_none_or(|cells| cells.is_white);
-    let hint = columns::check(&work, floors.differences)?;
+    let hint = match data.quantity {
+        Quantity::Force => force_columns::check(&work, &base_variables)?,
+        _ => columns::check(&work, floors.differences)?,
+    };
     let most = if hint.is_some() { 0 } else { options.max_effects };
     let mut found = run(&search(tried), &search(&work), &floors, is_white, most)?;
     // Differences of what a model leaves that is far off hold some of its error too, where rows are few: what the effects leave is

@@ -5,7 +5,8 @@ use crate::diagnose::screen::{orthonormal, remove};
 use crate::fit::dot;
 use crate::read::{self, ReadError, column, filter_s};
 use crate::{LabError, Measurements, Parameter, Term};
-use krait_model::effects::{EffectKind, ForceEffect};
+use krait_model::ChainError;
+use krait_model::effects::{AtForce, EffectKind, ForceEffect, ForceFormula, MAX_PARAMETERS};
 use krait_model::model_file::{ForceMachine, ModelFile};
 
 /// A machine of kind force with its model.
@@ -45,28 +46,54 @@ impl ForceLab {
     /// Force of every row for these effects, without the sensor's offset.
     fn bare(&self, effects: &[Term], data: &Measurements) -> Result<Vec<f64>, LabError> {
         let n = data.n_outputs;
-        let kinds = effects.iter().map(|term| effect(&term.name)).collect::<Result<Vec<_>, _>>()?;
+        let laws = effects.iter().map(Law::of).collect::<Result<Vec<_>, _>>()?;
         let mut forces = vec![0.0; n * data.n_rows()];
         for joint in 0..n {
             let motion = Motion::of(data, joint)?;
+            // A formula is of every joint: it can name one itself.
             let is_own = |term: &Term| {
                 let of = term.values.first().copied().map_or(0, |joint| joint.round() as usize);
-                of == 0 || of == joint + 1
+                term.formula.is_some() || of == 0 || of == joint + 1
             };
-            let all = effects.iter().zip(kinds.iter().copied());
-            let terms: Vec<(&Term, ForceEffect)> = all.filter(|(term, _)| is_own(term)).collect();
+            let all = effects.iter().zip(&laws);
+            let terms: Vec<(&Term, &Law)> = all.filter(|(term, _)| is_own(term)).collect();
             for row in 0..data.n_rows() {
                 let now = motion.at(row);
                 let gravity: f64 = terms
                     .iter()
-                    .filter(|(_, kind)| *kind == ForceEffect::Gravity)
-                    .map(|(term, kind)| now.force(*kind, &term.values, 0.0))
+                    .map(|(term, law)| match law {
+                        Law::Known(ForceEffect::Gravity) => now.force(ForceEffect::Gravity, &term.values, 0.0),
+                        _ => 0.0,
+                    })
                     .sum();
                 let load = now.load.unwrap_or(gravity);
-                forces[row * n + joint] = terms.iter().map(|(term, kind)| now.force(*kind, &term.values, load)).sum();
+                let part = |(term, law): &(&Term, &Law)| match law {
+                    Law::Known(kind) => now.force(*kind, &term.values, load),
+                    // Not finite counts as zero, as in a chain.
+                    Law::Own(own, parameters) => {
+                        own.value(&now.seen(load, joint, data.time_s[row]), parameters).unwrap_or(0.0)
+                    }
+                };
+                forces[row * n + joint] = terms.iter().map(part).sum();
             }
         }
         Ok(forces)
+    }
+}
+
+/// What a term says: an effect of the library, or the user's formula with its numbers.
+enum Law {
+    Known(ForceEffect),
+    Own(Box<ForceFormula>, [f64; MAX_PARAMETERS]),
+}
+
+impl Law {
+    fn of(term: &Term) -> Result<Self, LabError> {
+        let Some(text) = &term.formula else { return effect(&term.name).map(Self::Known) };
+        let own = ForceFormula::new(text).map_err(ChainError::from)?;
+        let mut parameters = [0.0; MAX_PARAMETERS];
+        parameters.iter_mut().zip(&term.values).for_each(|(own, value)| *own = *value);
+        Ok(Self::Own(Box::new(own), parameters))
     }
 }
 
@@ -123,6 +150,19 @@ impl<'a> Motion<'a> {
 }
 
 impl Now {
+    /// As a formula sees it.
+    fn seen(&self, load: f64, joint: usize, time_s: f64) -> AtForce {
+        AtForce {
+            angle_rad: self.angle,
+            speed_rad_per_s: self.speed,
+            acceleration_rad_per_s2: self.acceleration,
+            motion: self.direction,
+            load,
+            joint,
+            time_s,
+        }
+    }
+
     /// An effect's part; values as its definition has them, the joint first.
     ///
     /// The recorded force passed the filter, so what is not linear passes it too: within a Gaussian filter angle and speed run nearly
@@ -170,6 +210,9 @@ impl MachineUnderTest for ForceLab {
     }
 
     fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
+        if let Some(formula) = &term.formula {
+            return Ok(formula.parameters.iter().map(snake::formula_parameter).collect());
+        }
         let own = kind(&term.name)?.definition().parameters.iter().map(snake::own_parameter);
         Ok(own.map(|parameter| Parameter { unit: self.unit(&parameter.unit), ..parameter }).collect())
     }

@@ -5,6 +5,7 @@
 mod compare;
 mod diagnose;
 mod experiment;
+mod force_columns;
 mod held_frames;
 mod init;
 mod init_columns;

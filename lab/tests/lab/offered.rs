@@ -2,10 +2,11 @@
 
 use crate::noise::Noise;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
-use krait_lab::machine::{JointsLab, MachineUnderTest, SnakeLab};
+use krait_lab::machine::{ForceLab, JointsLab, MachineUnderTest, SegmentsLab, SnakeLab};
 use krait_lab::read::{ColumnMap, read};
-use krait_lab::{Measurements, Offered, offered};
+use krait_lab::{Measurements, Offered, Quantity, offered};
 use krait_lab_benchmark::generate::{Kind, Recipe, generate};
+use krait_lab_benchmark::segments::{SegmentKind, SegmentsRecipe, segments};
 use krait_model::model_file::ModelFile;
 use std::path::Path;
 
@@ -158,6 +159,114 @@ fn a_formula_of_a_snake_that_is_not_there_is_not_named() {
     let first = diagnosis.effects.first().unwrap_or_else(|| panic!("{}", diagnosis.sentence));
     assert!(first.class.iter().any(|name| name == "backlash"), "{}", diagnosis.sentence);
     assert!(names(&diagnosis).iter().all(|(name, _)| *name != "shelf"), "{}", diagnosis.sentence);
+}
+
+/// A minute of two segments with these effects of the library hidden; `own` in its model file is what it has beside them.
+fn two_segments(hidden: &[&str], own: &str, seed: u64) -> (SegmentsLab, String, Measurements) {
+    let kind = |name: &&str| (SegmentKind::from_name(name, 2).expect("a kind"), 2.0);
+    let hidden = hidden.iter().map(kind).collect();
+    let made = segments(&SegmentsRecipe { hidden, seconds: 60.0, seed, ..SegmentsRecipe::default() }).expect("data");
+    let lab = |text: &str| SegmentsLab::new(&ModelFile::parse(text).expect("a model")).expect("segments");
+    let (machine, there) = (lab(&made.model), lab(&format!("{}\n{own}", made.model)));
+    let mut data = made.measurements;
+    let base = machine.predict(machine.effects(), &data).expect("a chain");
+    let there = there.predict(there.effects(), &data).expect("a chain");
+    data.outputs.iter_mut().zip(base.iter().zip(&there)).for_each(|(y, (base, there))| *y += there - base);
+    (machine, made.model, data)
+}
+
+/// The bend of segment 2 sags towards one side, the more the farther it bends.
+const SAG: &str = "a * max(1 - abs(segment - 2), 0) * (1 - axis) * bend^2 / (bend + c)";
+
+#[test]
+fn a_formula_of_segments_that_is_missing_is_named_and_one_that_is_not_there_is_not() {
+    let own = |params: &str| formula("sag", "meas", SAG, params);
+    let (machine, model, data) = two_segments(&[], &own("a = 0.08, c = 0.2"), 3);
+    let found_one = found(&machine, &data, offer(&model, &own("a = 0.01, c = 0.3")), 2);
+    assert_eq!(names(&found_one), vec![("sag", None)], "{}", found_one.sentence);
+    assert!(matches!(found_one.verdict, Verdict::Missing | Verdict::Partly), "{}", found_one.sentence);
+    let size = &found_one.effects[0].parameters[0];
+    assert!((size.value - 0.08).abs() < 3.0 * size.se + 0.02 * 0.08, "{size:?}");
+
+    let (machine, model, data) = two_segments(&[], "", 4);
+    let nothing = found(&machine, &data, offer(&model, &own("a = 0.01, c = 0.3")), 2);
+    assert!(names(&nothing).is_empty(), "{}", nothing.sentence);
+
+    let (machine, model, data) = two_segments(&["backlash-2"], "", 5);
+    let play = found(&machine, &data, offer(&model, &own("a = 0.01, c = 0.3")), 2);
+    let first = play.effects.first().unwrap_or_else(|| panic!("{}", play.sentence));
+    assert!(first.class.iter().any(|name| name == "backlash-2"), "{}", play.sentence);
+    assert!(names(&play).iter().all(|(name, _)| *name != "sag"), "{}", play.sentence);
+}
+
+const FORCE: &str = "format = 1\n[machine]\nkind = \"force\"\nn = 1\nunit = \"Nm\"\n";
+
+/// A minute of a joint with inertia, weight, dry and viscous friction and what is `hidden` of its angle and speed.
+fn force(seed: u64, hidden: impl Fn(f64, f64) -> f64) -> (ForceLab, Measurements) {
+    let machine = ForceLab::new(&ModelFile::parse(FORCE).expect("a model")).expect("of kind force");
+    let mut noise = Noise(seed);
+    let phases: Vec<f64> = (0..4).map(|_| 3.0 * noise.normal()).collect();
+    let (mut time_s, mut angles, mut torques) = (Vec::new(), Vec::new(), Vec::new());
+    for row in 0..8000 {
+        let t = 0.01 * f64::from(row);
+        let (mut q, mut speed, mut acceleration) = (0.0, 0.0, 0.0);
+        for ((hz, size), phase) in [(0.13, 0.7), (0.31, 0.35), (0.53, 0.2), (0.97, 0.12)].into_iter().zip(&phases) {
+            let w = core::f64::consts::TAU * hz;
+            q += size * (w * t + phase).sin();
+            speed += size * w * (w * t + phase).cos();
+            acceleration -= size * w * w * (w * t + phase).sin();
+        }
+        let plain = 0.05 * acceleration + 1.2 * q.sin() + 0.15 * speed.signum() + 0.08 * speed;
+        time_s.push(t);
+        angles.push(q + 1e-4 * noise.normal());
+        torques.push(plain + hidden(q, speed) + 0.05 + 0.02 * noise.normal());
+    }
+    let data = Measurements::bare("made.csv".to_owned(), Quantity::Force, time_s, (angles, 1), (torques, 1));
+    let data = machine.filtered(data).expect("it moves");
+    (machine, data)
+}
+
+/// Rubbing around one place of the way: dry friction there and nowhere else.
+const RUB: &str = "a * motion_i * exp(0 - ((angle_i - c) / w)^2)";
+
+#[test]
+fn a_formula_of_force_that_is_missing_is_named_and_one_that_is_not_there_is_not() {
+    let rub = || offer(FORCE, &formula("rub", "force", RUB, "a = 0.1, c = 0.3, w = 0.3"));
+    let (machine, data) = force(2, |q, speed| 0.12 * speed.signum() * f64::exp(-((q - 0.4) / 0.25_f64).powi(2)));
+    let diagnosis = found(&machine, &data, rub(), 5);
+    let mut named: Vec<&str> = diagnosis.effects.iter().map(|own| own.name.as_str()).collect();
+    named.sort_unstable();
+    assert_eq!(named, ["coulomb", "gravity", "inertia", "rub", "viscous"], "{}", diagnosis.sentence);
+    let own = diagnosis.effects.iter().find(|own| own.name == "rub").expect("named");
+    for (own, truth) in own.parameters.iter().zip([0.12, 0.4, 0.25]) {
+        assert!((own.value.abs() - truth).abs() < 0.15 * truth, "{own:?}, {truth}");
+    }
+
+    for seed in [3, 5] {
+        let (machine, data) = force(seed, |_, _| 0.0);
+        let diagnosis = found(&machine, &data, rub(), 5);
+        let mut named: Vec<&str> = diagnosis.effects.iter().map(|own| own.name.as_str()).collect();
+        named.sort_unstable();
+        assert_eq!(named, ["coulomb", "gravity", "inertia", "viscous"], "seed {seed}: {}", diagnosis.sentence);
+    }
+}
+
+#[test]
+fn formulas_that_a_machine_of_segments_or_of_force_cannot_have_are_refused_in_one_sentence() {
+    let segments = "format = 1\n[machine]\nkind = \"segments\"\n[[machine.segment]]\nazimuth_deg = [0, 120, 240]\n";
+    let learnt = formula("own", "meas", "a * bend", "a = { value = 0.1, learn = { sd = 0.1 } }");
+    for (machine, effects, words) in [
+        (segments, formula("own", "eps", "a * bend", "a = 0.1"), "hook eps, which this machine does not have"),
+        (segments, formula("own", "meas", "a * temperature_c", "a = 0.1"), "temperature_c"),
+        (segments, learnt, "a is a number of a formula"),
+        (segments, formula("own", "meas", "a * bend", "a = 1.0").repeat(2), "twice"),
+        (FORCE, formula("own", "joint", "a * u_i", "a = 0.1"), "hook joint, which this machine does not have"),
+        (FORCE, formula("own", "force", "a * u_i", "a = 0.1"), "not known at hook force"),
+        (FORCE, formula("own", "force", "a * angle_i", "a = 1.0").repeat(2), "twice"),
+    ] {
+        let said = ModelFile::parse(&format!("{machine}{effects}")).expect_err("refused").to_string();
+        assert!(said.contains(words) && !said.contains('\n'), "{words:?} in: {said}");
+    }
 }
 
 #[test]

@@ -17,6 +17,8 @@ pub enum Hook {
     Cmd,
     /// The measured position of a joint.
     Joint,
+    /// The torque or current of a joint.
+    Force,
 }
 
 impl Hook {
@@ -30,12 +32,13 @@ impl Hook {
             Self::Enc => "enc",
             Self::Cmd => "cmd",
             Self::Joint => "joint",
+            Self::Force => "force",
         }
     }
 
     /// The hook of a word.
     pub fn from_word(word: &str) -> Option<Self> {
-        [Self::Eps, Self::Tau, Self::Geo, Self::Meas, Self::Enc, Self::Cmd, Self::Joint]
+        [Self::Eps, Self::Tau, Self::Geo, Self::Meas, Self::Enc, Self::Cmd, Self::Joint, Self::Force]
             .into_iter()
             .find(|hook| hook.word() == word)
     }

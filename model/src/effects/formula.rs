@@ -7,7 +7,9 @@
 use super::definition::{Class, Definition, Hook, effect};
 use super::formula_error::FormulaError;
 use super::formula_operators::{Expression, FORMULA_FUNCTIONS};
-use super::formula_variables::{ALL_HOOKS, COLUMNS, FORMULA_VARIABLES, JOINT, STEM_ANGLE, TEMPERATURE, TIME, Values};
+use super::formula_variables::{
+    ALL_HOOKS, COLUMNS, FORCE, FORMULA_VARIABLES, JOINT, STEM_ANGLE, TEMPERATURE, TIME, Values,
+};
 use super::prepared::MAX_PARAMETERS;
 use super::real::{Dual, Real, Scalar};
 use super::varying::FormulaColumn;
@@ -93,7 +95,11 @@ impl Formula {
 
     /// The same for whichever machine has its hook; places of columns are those in its own list.
     pub(crate) fn of_any_machine(formula: &FormulaText) -> Result<Self, FormulaError> {
-        let hooks = if formula.hook == Hook::Joint { JOINT } else { ALL_HOOKS };
+        let hooks = match formula.hook {
+            Hook::Joint => JOINT,
+            Hook::Force => FORCE,
+            _ => ALL_HOOKS,
+        };
         Ok(Self { places: (0..formula.columns.len()).collect(), ..Self::at(formula, hooks)? })
     }
 
@@ -218,6 +224,7 @@ pub(super) fn workspace() -> impl Iterator<Item = (Values<f64>, f64, f64)> {
                 q,
                 0.0,
                 1.0 + sign.abs(),
+                2.0 + sign,
                 10.0 * bend,
                 sign,
                 25.0,
@@ -225,6 +232,10 @@ pub(super) fn workspace() -> impl Iterator<Item = (Values<f64>, f64, f64)> {
                 y,
                 sign,
                 1.0,
+                x,
+                10.0 * y,
+                100.0 * x,
+                tau,
                 q,
                 sign,
                 bend,

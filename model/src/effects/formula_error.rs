@@ -50,7 +50,7 @@ pub enum FormulaError {
     },
     /// A formula cannot be added at this hook.
     #[error(
-        "formula {formula:?} has hook {hook}, which this machine does not have, expected eps, tau, geo, meas or enc of a snake, joint of joints; choose one of these"
+        "formula {formula:?} has hook {hook}, which this machine does not have, expected eps, tau, geo, meas or enc of a snake, meas of segments, joint of joints, force of a machine of kind force; choose one of these"
     )]
     Hook {
         /// Its name.

@@ -1,6 +1,7 @@
 //! What a formula can look at: its variables, where each is known, and their values at a step.
 
 use super::Hook;
+use super::force_formula::AtForce;
 use super::operators::play;
 use super::prepared::{Now, Prepared};
 use super::real::{Real, Scalar};
@@ -26,14 +27,17 @@ const SHAPE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas];
 pub(super) const ALL_HOOKS: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc];
 
 pub(super) const JOINT: &[Hook] = &[Hook::Joint];
-const EVERYWHERE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc, Hook::Joint];
+pub(super) const FORCE: &[Hook] = &[Hook::Force];
+const OF_JOINTS: &[Hook] = &[Hook::Joint, Hook::Force];
+const BUT_FORCE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc, Hook::Joint];
+const EVERYWHERE: &[Hook] = &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Meas, Hook::Enc, Hook::Joint, Hook::Force];
 
 const fn variable(name: &'static str, meaning: &'static str, hooks: &'static [Hook]) -> FormulaVariable {
     FormulaVariable { name, meaning, hooks }
 }
 
 /// Every variable, in the order of their values.
-pub const FORMULA_VARIABLES: [FormulaVariable; 20] = [
+pub const FORMULA_VARIABLES: [FormulaVariable; 25] = [
     variable("bend", "rad: bend from straight", SHAPE),
     variable("delta", "rad: plane of bending, 0 at the straight pose", SHAPE),
     variable("bend_x", "rad: first component of the bend vector", SHAPE),
@@ -47,18 +51,28 @@ pub const FORMULA_VARIABLES: [FormulaVariable; 20] = [
     variable("q_tilde_i", "m: position of this line's actuator", &[Hook::Enc]),
     variable("axis", "0 for bend_x, 1 for bend_y: what the value is added to", &[Hook::Meas]),
     variable("line", "1, 2 or 3", &[Hook::Eps, Hook::Tau, Hook::Geo, Hook::Enc]),
+    variable("segment", "1, 2 or 3: the segment whose bend it is, from the base; 1 of a snake", &[Hook::Meas]),
     variable("time_s", "s", EVERYWHERE),
     variable("stem_angle_rad", "rad: needs the column", ALL_HOOKS),
-    variable("temperature_c", "deg C: needs the column", EVERYWHERE),
+    variable("temperature_c", "deg C: needs the column", BUT_FORCE),
     variable("u_i", "the command of this joint, in its unit", JOINT),
     variable("y_i", "the position of this joint without the formula, in its unit", JOINT),
-    variable("motion_i", "-1, 0 or 1: sign of the last change of u_i", JOINT),
-    variable("joint", "number of this joint, from 1", JOINT),
+    variable("motion_i", "-1, 0 or 1: sign of the last change of u_i, of force that of the speed", OF_JOINTS),
+    variable("joint", "number of this joint, from 1", OF_JOINTS),
+    variable("angle_i", "rad: angle of this joint", FORCE),
+    variable("speed_i", "rad/s: its speed", FORCE),
+    variable("acceleration_i", "rad/s^2: its acceleration", FORCE),
+    variable("load_i", "load of its gear as recorded, else the model's gravity, in Nm or A", FORCE),
 ];
 
-pub(super) const TIME: usize = 13;
-pub(super) const STEM_ANGLE: usize = 14;
-pub(super) const TEMPERATURE: usize = 15;
+const SEGMENT: usize = 13;
+pub(super) const TIME: usize = 14;
+pub(super) const STEM_ANGLE: usize = 15;
+pub(super) const TEMPERATURE: usize = 16;
+const COMMAND: usize = 17;
+const MOTION: usize = 19;
+const NUMBER: usize = 20;
+const ANGLE: usize = 21;
 
 /// Where the columns with names of their own begin among the values.
 pub(super) const COLUMNS: usize = FORMULA_VARIABLES.len();
@@ -97,7 +111,7 @@ pub(crate) fn shape_values<S: Real>(b: [S; 2], now: &Now) -> Values<S> {
     values[0] = square.sqrt();
     values[1] = plane(b, square.value());
     (values[2], values[3]) = (b[0], b[1]);
-    values[TIME] = S::constant(now.time_s);
+    (values[SEGMENT], values[TIME]) = (S::constant(1.0), S::constant(now.time_s));
     values[STEM_ANGLE] = S::constant(now.stem_angle_rad().unwrap_or(f64::NAN));
     values[TEMPERATURE] = S::constant(now.temperature_c().unwrap_or(f64::NAN));
     values
@@ -114,8 +128,17 @@ pub(crate) fn joint_values(
 ) -> Values<f64> {
     let mut values = [0.0; N_VALUES];
     (values[TIME], values[TEMPERATURE]) = (at.time_s, at.temperature_c);
-    values[TEMPERATURE + 1..COLUMNS].copy_from_slice(&[u, y, motion, joint as f64 + 1.0]);
+    values[COMMAND..=NUMBER].copy_from_slice(&[u, y, motion, joint as f64 + 1.0]);
     values[COLUMNS..].copy_from_slice(columns);
+    values
+}
+
+/// The variables at a joint's torque or current.
+pub(super) fn force_values(here: &AtForce) -> Values<f64> {
+    let mut values = [0.0; N_VALUES];
+    (values[TIME], values[MOTION], values[NUMBER]) = (here.time_s, here.motion, here.joint as f64 + 1.0);
+    let own = [here.angle_rad, here.speed_rad_per_s, here.acceleration_rad_per_s2, here.load];
+    values[ANGLE..COLUMNS].copy_from_slice(&own);
     values
 }
 
@@ -132,9 +155,15 @@ pub(crate) fn set_axis<S: Real>(values: &mut Values<S>, axis: f64) {
     values[11] = S::constant(axis);
 }
 
-/// The same variables at another joint and another component of the bend vector: a formula may be of one of them alone.
+/// Sets which segment's bend it is, from 0.
+pub(crate) fn set_segment<S: Real>(values: &mut Values<S>, segment: usize) {
+    values[SEGMENT] = S::constant(segment as f64 + 1.0);
+}
+
+/// The same variables at another joint and another component of the bend vector: a formula may be of one of them alone. Numbers of
+/// joints go round the segments too.
 pub(super) fn of_part(mut values: Values<f64>, joint: f64, axis: f64) -> Values<f64> {
-    (values[11], values[COLUMNS - 1]) = (axis, joint);
+    (values[11], values[SEGMENT], values[NUMBER]) = (axis, (joint - 1.0) % 3.0 + 1.0, joint);
     values
 }
 

@@ -1,7 +1,7 @@
 //! The four kinds of machine that a model file describes.
 
 use super::gripper::FileGripper;
-use crate::effects::EffectKind;
+use crate::effects::{EffectKind, ForceFormula};
 use crate::gripper::Gripper;
 use crate::parameters::{ParameterRange, range_of};
 use crate::segments::SegmentsParameters;
@@ -137,9 +137,26 @@ pub struct ForceMachine {
 }
 
 impl ForceMachine {
+    /// Refuses effects that it cannot have, and two formulas of one name.
+    pub(super) fn check_all<'a>(&self, effects: impl Iterator<Item = &'a EffectSetting>) -> Result<(), ChainError> {
+        let mut formulas: Vec<(usize, &str)> = Vec::new();
+        for (place, effect) in effects.enumerate() {
+            self.check(effect)?;
+            let Some(text) = effect.formula_text() else { continue };
+            if let Some((first, _)) = formulas.iter().find(|(_, name)| *name == text.name) {
+                return Err(ChainError::Twice { name: text.name.clone(), first: first + 1, second: place + 1 });
+            }
+            formulas.push((place, &text.name));
+        }
+        Ok(())
+    }
+
     /// Refuses an effect that it cannot have.
-    pub(super) fn check(&self, effect: &EffectSetting) -> Result<(), ChainError> {
+    fn check(&self, effect: &EffectSetting) -> Result<(), ChainError> {
         let name = effect.kind().name();
+        if let Some(text) = effect.formula_text() {
+            return Ok(ForceFormula::new(text).map(|_| ())?);
+        }
         if !matches!(effect.kind(), EffectKind::Force(_)) {
             return Err(ChainError::OtherMachine { name, expected: "force" });
         }

@@ -253,7 +253,7 @@ impl ModelFile {
             }
             Machine::Segments(_) => self.segment_chain().map(|_| ()),
             Machine::Joints(_) => self.joint_chain(EVERY_COLUMN).map(|_| ()),
-            Machine::Force(force) => self.effects.iter().try_for_each(|effect| force.check(&effect.setting)),
+            Machine::Force(force) => force.check_all(self.effects.iter().map(FileEffect::setting)),
         }
     }
 }

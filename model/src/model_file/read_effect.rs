@@ -33,7 +33,7 @@ pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect,
             (None, None) => Err(kind.unknown("kind", joint_names())),
         },
         Machine::Segments(_) => match (of_snake, SegmentEffect::from_name(&kind.value)) {
-            (Some(effect), _) if SEGMENT_EFFECTS.contains(&effect) => Ok(effect),
+            (Some(effect), _) if SEGMENT_EFFECTS.contains(&effect) || effect == EffectKind::Formula => Ok(effect),
             (_, Some(effect)) => Ok(EffectKind::OfSegment(effect)),
             (Some(other), None) => {
                 let (effect, machine) = (other.name(), "segments");
@@ -47,13 +47,16 @@ pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect,
         },
         Machine::Force(_) => {
             let of_force = ForceEffect::from_name(&kind.value).map(EffectKind::Force);
-            of_force.ok_or_else(|| kind.unknown("kind", ForceEffect::ALL.map(ForceEffect::name)))
+            let formula = of_snake.filter(|effect| *effect == EffectKind::Formula);
+            let names = ForceEffect::ALL.into_iter().map(ForceEffect::name).chain(["formula"]);
+            of_force.or(formula).ok_or_else(|| kind.unknown("kind", names))
         }
     }?;
     let hooks: &[&str] = match machine {
         Machine::Snake(_) => &["eps", "tau", "geo", "meas", "enc"],
         Machine::Joints(_) => &["joint"],
-        Machine::Segments(_) | Machine::Force(_) => &[],
+        Machine::Segments(_) => &["meas"],
+        Machine::Force(_) => &["force"],
     };
     match known {
         EffectKind::Formula => formula(section, hooks),
@@ -122,7 +125,7 @@ fn formula(section: &Section, hooks: &[&str]) -> Result<FileEffect, ModelFileErr
     section.only(&["kind", "name", "hook", "formula", "params", "columns"])?;
     let text = |key: &'static str, expected| section.text(key)?.ok_or_else(|| section.missing(key, expected));
     let name = text("name", "a name for the formula")?.value;
-    let hook = text("hook", "eps, tau, geo, meas or enc, or joint for joints")?;
+    let hook = text("hook", "eps, tau, geo, meas or enc, joint for joints, force for kind force")?;
     let expression = text("formula", "an expression")?.value;
     let Some(hook) = Hook::from_word(&hook.value) else {
         return Err(hook.unknown("hook", hooks.iter().copied()));

@@ -2,6 +2,7 @@
 
 use super::friction::Friction;
 use super::of_segments::OfSegments;
+use super::seen::Seen;
 use super::sharing::LoadSharing;
 use super::statics::Stiffnesses;
 use super::{
@@ -36,6 +37,8 @@ pub struct SegmentChain {
     pub(super) delay_s: Option<f64>,
     /// What single segments have beside these.
     pub(super) of_segments: OfSegments,
+    /// What a user's formulas add to the bends that the camera shows.
+    pub(super) seen: Seen,
     learnt: Vec<LearntParameter>,
     /// The effect of each of them; each has one parameter, and all of them can be learnt.
     pub(super) lanes: Vec<EffectKind>,
@@ -54,11 +57,13 @@ impl SegmentChain {
         };
         for (second, effect) in effects.iter().enumerate() {
             let name = effect.kind().name();
-            if !SEGMENT_EFFECTS.contains(&effect.kind()) && !matches!(effect.kind(), EffectKind::OfSegment(_)) {
+            let is_own = matches!(effect.kind(), EffectKind::OfSegment(_) | EffectKind::Formula);
+            if !SEGMENT_EFFECTS.contains(&effect.kind()) && !is_own {
                 return Err(ChainError::OtherMachine { name, expected: "segments" });
             }
-            if let Some(first) = effects[..second].iter().position(|before| before.kind() == effect.kind()) {
-                return Err(ChainError::Twice { name: name.to_owned(), first: first + 1, second: second + 1 });
+            if let Some(first) = effects[..second].iter().position(|before| before.label() == effect.label()) {
+                let name = effect.label().to_owned();
+                return Err(ChainError::Twice { name, first: first + 1, second: second + 1 });
             }
         }
         let place = |kind| effects.iter().position(|effect| effect.kind() == kind);
@@ -83,6 +88,7 @@ impl SegmentChain {
             half_width_m: value(EffectKind::Backlash, "half_width_m", 0.0),
             delay_s: place(EffectKind::Latency).map(|_| value(EffectKind::Latency, "delay_s", 0.0)),
             of_segments: OfSegments::new(effects, &machine)?,
+            seen: Seen::new(effects)?,
             learnt,
             lanes,
             machine,

@@ -125,7 +125,7 @@ impl SegmentPredictor {
 
     /// The bends as the camera shows them, rad, once after each step, whose time this is.
     pub fn observed_rad(&mut self, time_s: f64) -> Bends {
-        let shown_rad = self.shown_rad();
+        let shown_rad = self.shown_rad(time_s);
         match (&mut self.delay, self.chain.delay_s) {
             (Some(delay), Some(delay_s)) => delay.pass(time_s, shown_rad.into(), delay_s).into(),
             _ => shown_rad,
@@ -133,8 +133,9 @@ impl SegmentPredictor {
     }
 
     /// The bends of the newest step as a camera that is not late would show them, rad.
-    pub(super) fn shown_rad(&self) -> Bends {
-        self.chain.of_segments.seen(&self.bends_rad())
+    pub(super) fn shown_rad(&self, time_s: f64) -> Bends {
+        let n = self.chain.machine.n();
+        self.chain.of_segments.seen(&self.chain.seen.add(self.bends_rad().into(), n, time_s).into())
     }
 
     /// Loads of the lines at the snake in the newest step, N, push positive.

@@ -25,6 +25,7 @@ mod machine;
 mod of_segments;
 mod parameters;
 mod rate;
+mod seen;
 mod sharing;
 mod statics;
 mod tangents;

@@ -98,7 +98,7 @@ impl SegmentTangents {
 
     /// What the camera shows at this time, with its slopes, where these are those of the newest bends.
     fn seen(&mut self, slopes: SMatrix<f64, MAX_BENDS, MAX_LEARNT>, time_s: f64) -> Sloped {
-        let shown_rad: [f64; MAX_BENDS] = self.plain.shown_rad().into();
+        let shown_rad: [f64; MAX_BENDS] = self.plain.shown_rad(time_s).into();
         let later = self.seed(EffectKind::Latency);
         let (Some(delay), Some(delay_s)) = (&mut self.delay, self.plain.chain.delay_s) else {
             return (shown_rad, slopes);
@@ -107,6 +107,20 @@ impl SegmentTangents {
         let now = core::array::from_fn(|i| dual(shown_rad[i], &|lane| slopes[(i, lane)]));
         let seen = delay.pass(time_s, now, dual(delay_s, &|lane| later[lane]));
         (seen.map(|own| own.value), SMatrix::from_fn(|i, lane| seen[i].tangent[lane]))
+    }
+
+    /// Slopes of the bends behind the formulas, from those before them.
+    fn seen_by_formulas(
+        &self,
+        slopes: &SMatrix<f64, MAX_BENDS, MAX_LEARNT>,
+        time_s: f64,
+    ) -> SMatrix<f64, MAX_BENDS, MAX_LEARNT> {
+        let (chain, bends_rad) = (&self.plain.chain, self.plain.bends_rad());
+        let dual = |i: usize| -> Dual<MAX_LEARNT> {
+            Dual { value: bends_rad[i], tangent: core::array::from_fn(|lane| slopes[(i, lane)]) }
+        };
+        let seen = chain.seen.add(core::array::from_fn(dual), chain.machine.n(), time_s);
+        SMatrix::from_fn(|i, lane| seen[i].tangent[lane])
     }
 
     /// The slopes of the newest equilibrium, before the lines that have slid are noted.
@@ -156,6 +170,9 @@ impl SlopedPredictor<MAX_BENDS, MAX_LINES> for SegmentTangents {
         self.note_equilibrium();
         self.plain.settle();
         let mut slopes: SMatrix<f64, MAX_BENDS, MAX_LEARNT> = self.unknowns.fixed_rows::<MAX_BENDS>(0).into();
+        if !self.plain.chain.seen.is_empty() {
+            slopes = self.seen_by_formulas(&slopes, at.time_s);
+        }
         for (mut row, scale) in slopes.row_iter_mut().zip(self.plain.chain.of_segments.seen_scale.iter()) {
             row *= *scale;
         }

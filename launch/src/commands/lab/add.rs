@@ -164,7 +164,9 @@ fn formula(args: &AddArgs) -> anyhow::Result<FormulaText> {
         bail!("a formula needs --hook and --formula; see krait lab add --help")
     };
     let Some(hook) = Hook::from_word(hook) else {
-        bail!("--hook {hook}: expected eps, tau, geo, meas or enc of a snake, joint of joints")
+        bail!(
+            "--hook {hook}: expected eps, tau, geo, meas or enc of a snake, meas of segments, joint of joints, force of a machine of kind force"
+        )
     };
     let parameter = |(name, value, unit): &(String, f64, String)| FormulaParameter {
         name: name.clone(),

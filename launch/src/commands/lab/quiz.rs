@@ -192,6 +192,7 @@ impl Guessed {
             Some(Hook::Enc) => "what the drives read",
             Some(Hook::Cmd) => "what a drive is told",
             Some(Hook::Joint) => "the position of a joint",
+            Some(Hook::Force) => "the force of a joint",
             None => return String::new(),
         };
         let also = if self.is_near(answer) { "so does something that is hidden" } else { "nothing hidden does" };
