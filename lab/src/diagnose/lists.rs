@@ -48,6 +48,12 @@ pub(super) fn longer(
         {
             (longest, from) = (usual.clone(), vec![usual]);
         }
+        if longest.found.len() < max_effects
+            && let Some(own) = search.unstretched(&longest).into_iter().find(|own| !search.imitates(own))
+            && comparison.deserves(&longest, &own, 0.0)
+        {
+            (longest, from) = (own, Vec::new());
+        }
         if longest.found.len() <= best.found.len() {
             break;
         }

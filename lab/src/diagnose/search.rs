@@ -155,6 +155,22 @@ impl<'a> Search<'a> {
         self.refine(jobs)
     }
 
+    /// A trial with one effect more where a member is a user's formula: the formula from its own starts beside each effect that it may
+    /// have been stretched into, as nothing bounds its numbers; refined, best first.
+    pub(super) fn unstretched(&self, trial: &Trial) -> Vec<Trial> {
+        let mut jobs = Vec::new();
+        for slot in 0..trial.found.len() {
+            let own = trial.found[slot];
+            let Some(rest) = self.candidates[own].formula.as_ref().and_then(|_| self.without(trial, slot).ok()) else {
+                continue;
+            };
+            let cells = screen(self.problem, &rest.fit, self.candidates);
+            let pairs = best_pairs(&cells).into_iter().filter(|(a, b)| [a, b].iter().any(|cell| cell.candidate == own));
+            jobs.extend(pairs.take(N_PAIRS).map(|(a, b)| self.with(&rest, &[a, b])));
+        }
+        self.refine(jobs)
+    }
+
     /// Pairs: the best seconds beside the best singles, and the best pairs to first order; refined, best first.
     pub fn pairs(&self, start: &Trial, cells: &[Cell], singles: &[Trial], second_cells: &[Vec<Cell>]) -> Vec<Trial> {
         let mut jobs = Vec::new();
