@@ -1,5 +1,6 @@
 //! What a page is told once about the chain it looks at: machine, limits, budgets, names.
 
+use krait_record::Views;
 use serde::Serialize;
 
 /// Facts of one chain; the program that starts the console takes them from the chain's configuration.
@@ -51,6 +52,15 @@ impl Facts {
         let (recording, compensation) = (self.recording.clone(), self.compensation.clone());
         *self == Self { recording, compensation, ..other.clone() }
     }
+}
+
+/// What is known of a chain that came after the console.
+#[derive(Debug)]
+pub struct NewChain {
+    /// What pages are told.
+    pub facts: Facts,
+    /// What is drawn for engineers' own viewers, where they are served.
+    pub views: Option<Views>,
 }
 
 /// Joints, as the page shows them.

@@ -37,7 +37,7 @@ mod wishes;
 mod words;
 
 pub use error::ConsoleError;
-pub use facts::{Facts, HopBudget, JointFacts, LineFacts, LoadFacts, SegmentFacts};
+pub use facts::{Facts, HopBudget, JointFacts, LineFacts, LoadFacts, NewChain, SegmentFacts};
 pub use fitted::{GlanceLine, GlanceWeight, fitted};
 pub use foxglove::FoxgloveSettings;
 pub use glance::{bend_deg, glance, number, plane_deg};

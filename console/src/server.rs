@@ -1,7 +1,7 @@
 //! The server: binds this machine's own address only, gives out the page, and runs beside the thread that reads channels.
 
 use crate::allowance::{SharedAllowance, too_often};
-use crate::facts::Facts;
+use crate::facts::{Facts, NewChain};
 use crate::foxglove::{self, FoxgloveSettings, Viewers};
 use crate::guard::{Token, WebOrigin, cookie, page_headers};
 use crate::library::{self, Library};
@@ -22,8 +22,8 @@ use core::net::{Ipv4Addr, Ipv6Addr};
 use core::time::Duration;
 use krait_ipc::Bus;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 
@@ -89,8 +89,8 @@ impl Shared {
     }
 }
 
-/// Serves the page until it is told to stop; `facts` is what is known of the chain, and `newer_facts`, asked twice a second, has those of
-/// a chain that came later.
+/// Serves the page until it is told to stop; `facts` is what is known of the chain, and `newer`, asked twice a second, what is
+/// known of one that came later.
 ///
 /// # Errors
 /// [`ConsoleError`] in one sentence.
@@ -98,7 +98,7 @@ pub fn run(
     bus: Bus,
     settings: ServerSettings,
     facts: Facts,
-    newer_facts: impl FnMut() -> Option<Facts> + Send,
+    newer: impl FnMut() -> Option<NewChain> + Send,
     announce: impl FnOnce(&Address),
     stop: &AtomicBool,
 ) -> Result<(), ConsoleError> {
@@ -108,7 +108,8 @@ pub fn run(
     let (slow_slot, slow) = watch::channel(Arc::from(""));
     let facts = Arc::new(facts);
     let (facts_slot, newest_facts) = watch::channel(Arc::clone(&facts));
-    let slots = Slots { frame: frame_slot, slow: slow_slot, facts: facts_slot };
+    let (machines, newer_machines) = mpsc::channel();
+    let slots = Slots { frame: frame_slot, slow: slow_slot, facts: facts_slot, machines };
     let pages = Arc::new(PageCounts::default());
     let (listener, port) = runtime.block_on(listen(settings.port))?;
     let (stop_listener, stop_port) = runtime.block_on(listen(settings.stop_port))?;
@@ -126,7 +127,9 @@ pub fn run(
         token: stop_token,
         desk: Arc::clone(&desk),
     }));
-    let open = |settings| Viewers::open(Bus::open(&instance, crate::NAME)?, settings, page_origin.clone(), &facts);
+    let open = |settings| {
+        Viewers::open(Bus::open(&instance, crate::NAME)?, settings, page_origin.clone(), &facts, newer_machines)
+    };
     let (viewers, feed) = settings.foxglove.map(open).transpose()?.unzip();
     let viewers_address = viewers.as_ref().map(|viewers| viewers.address());
     let shared = Arc::new(Shared {
@@ -159,7 +162,7 @@ pub fn run(
     announce(&Address { page, stop: shared.stop_url.clone(), foxglove: viewers_address });
     std::thread::scope(|scope| {
         let watching = std::thread::Builder::new().name("watch".to_owned()).spawn_scoped(scope, || {
-            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, newer_facts, &pad, stop));
+            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, newer, &pad, stop));
             stop.store(true, Ordering::Relaxed);
             outcome
         });

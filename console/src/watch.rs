@@ -1,6 +1,7 @@
 //! The thread that makes pictures for the pages: sixty looks a second, one newest frame for all of them.
 
-use crate::facts::Facts;
+use crate::facts::{Facts, NewChain};
+use crate::foxglove::NewMachine;
 use crate::observer::Observer;
 use crate::pad::PadDesk;
 use crate::processes::Processes;
@@ -9,8 +10,8 @@ use crate::{ConsoleError, PageCounts};
 use core::time::Duration;
 use krait_ipc::message::Health;
 use krait_ipc::{Bus, Reason, Reasons, clock};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
 use tokio::sync::watch::Sender;
 
 /// Pictures a second.
@@ -28,12 +29,18 @@ pub struct Slots {
     pub slow: Sender<Arc<str>>,
     /// What is known of the chain; told anew only where it is another machine's.
     pub facts: Sender<Arc<Facts>>,
+    /// Where engineers' own viewers are told of another machine.
+    pub machines: mpsc::Sender<NewMachine>,
 }
 
 impl Slots {
-    /// Keeps the facts of a newer chain, and tells the pages where it is another machine.
-    fn take_facts(&self, newer: Facts) -> Arc<Facts> {
-        let newer = Arc::new(newer);
+    /// Keeps what is known of a newer chain, and tells pages and viewers where it is another machine.
+    fn take(&self, newer: NewChain) -> Arc<Facts> {
+        let (newer, views) = (Arc::new(newer.facts), newer.views);
+        if let Some(views) = views {
+            // Without viewers nobody hears it.
+            let _told = self.machines.send((Arc::clone(&newer), views));
+        }
         self.facts.send_if_modified(|facts| {
             let is_other = !facts.is_same_machine(&newer);
             *facts = Arc::clone(&newer);
@@ -58,7 +65,7 @@ impl Watch {
         Ok(Self { observer: Observer::open(bus)?, processes: Processes::default() })
     }
 
-    /// Reads until it is told to stop; `newer_facts` has those of a chain that came since they were asked for last.
+    /// Reads until it is told to stop; `newer` has what is known of a chain that came since it was asked for last.
     ///
     /// # Errors
     /// [`ConsoleError`] where a channel is broken.
@@ -66,7 +73,7 @@ impl Watch {
         mut self,
         slots: &Slots,
         pages: &PageCounts,
-        mut newer_facts: impl FnMut() -> Option<Facts>,
+        mut newer: impl FnMut() -> Option<NewChain>,
         pad: &PadDesk,
         stop: &AtomicBool,
     ) -> Result<(), ConsoleError> {
@@ -99,8 +106,8 @@ impl Watch {
                 if n % (2 * SLOW_EVERY) == 0 {
                     self.observer.end_second();
                 }
-                if let Some(newer) = newer_facts() {
-                    facts = slots.take_facts(newer);
+                if let Some(newer) = newer() {
+                    facts = slots.take(newer);
                 }
                 slots.slow.send_replace(serde_json::to_string(&self.slow(now_ns, pages))?.into());
             }

@@ -181,14 +181,15 @@ fn drives_that_do_not_fit_are_refused_in_one_sentence_before_the_chain_runs() {
 
 /// Nothing else may move what a chain moves: neither in its instance nor on its port.
 fn refused_beside_a_chain(config: &str, instance: &str) {
-    let taken = Ended::of(&["drives", "--jog", "1", "--config", config, "--instance", instance], PATIENCE);
-    assert!(taken.sentence().contains("is already running"), "{}", taken.stderr);
-    let calibrate = ["drives", "--calibrate", "--config", config, "--instance", instance];
-    let taken = Ended::of(&calibrate, PATIENCE);
-    assert!(taken.sentence().contains("is already running"), "{}", taken.stderr);
+    for wish in [&["--jog", "1"][..], &["--zero"], &["--calibrate"]] {
+        let taken = Ended::of(&[&["drives", "--config", config, "--instance", instance][..], wish].concat(), PATIENCE);
+        assert!(taken.sentence().contains("is already running"), "{wish:?}: {}", taken.stderr);
+    }
     let other = instance_name("jog");
-    let busy = Ended::of(&["drives", "--jog", "1", "--config", config, "--instance", &other], PATIENCE);
-    assert!(busy.sentence().contains("is in use by another program"), "{}", busy.stderr);
+    for wish in [&["--jog", "1"][..], &["--zero"]] {
+        let busy = Ended::of(&[&["drives", "--config", config, "--instance", &other][..], wish].concat(), PATIENCE);
+        assert!(busy.sentence().contains("is in use by another program"), "{wish:?}: {}", busy.stderr);
+    }
     let looking = Ended::of(&["drives", "--config", config], PATIENCE);
     assert!(looking.sentence().contains("is in use by another program"), "{}", looking.stderr);
 }

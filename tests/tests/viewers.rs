@@ -221,6 +221,49 @@ fn a_page_elsewhere_reads_only_where_it_was_asked_for() {
     assert_eq!(server.end(PATIENCE).code, Some(0));
 }
 
+/// A console that outlives its chain: viewers are told that the machine is another one, and who connects anew reads that one's figures
+/// and sees it drawn.
+#[test]
+fn viewers_are_served_the_machine_of_each_chain_that_comes() {
+    const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
+    const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
+    let instance = instance_name("viewed");
+    let mut server = Krait::start(&["console", "--instance", &instance, "--foxglove"]);
+    let console = Console::of(&mut server);
+    let address = server.line();
+    let path = address.strip_prefix(&format!("Foxglove: ws://127.0.0.1:{}", console.port)).expect("a third address");
+    let (mut live, _) = viewer(&console, path);
+    for (more, topic, figure) in [
+        (&["--master", "script", "--input", SCRIPT, "--model", WRIST][..], "/krait/bends", "measured_joint3_deg"),
+        (&[][..], "/krait/bends", "measured_x_deg"),
+    ] {
+        let chain =
+            Krait::start(&[&["run", "--engage=again", "--no-recording", "--instance", &instance][..], more].concat());
+        assert!(next_status(&mut live).contains("another machine's"));
+        assert!(is_closed(&mut live, PATIENCE), "{figure}: whoever shows the other machine connects anew");
+        let advertised;
+        (live, advertised) = viewer(&console, path);
+        let own = advertised.iter().find(|own| own["topic"] == topic).expect("a topic");
+        assert!(own["schema"].as_str().is_some_and(|schema| schema.contains(figure)), "{own}");
+        let asked = serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": own["id"] }] });
+        live.send(Message::text(asked.to_string())).expect("sent");
+        let (_, payload) = next_data(&mut live);
+        let figures: serde_json::Value = serde_json::from_slice(&payload).expect("JSON");
+        assert!(figures[figure].is_number(), "{figures}");
+        if more.is_empty() {
+            let body = advertised.iter().find(|own| own["topic"] == "/snake/scene").expect("a topic");
+            let asked =
+                serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 2, "channelId": body["id"] }] });
+            live.send(Message::text(asked.to_string())).expect("sent");
+            assert!((0..1000).any(|_| next_data(&mut live).0 == 2), "the snake is drawn");
+        }
+        chain.signal(Signal::INT);
+        assert_eq!(chain.end(PATIENCE).code, Some(0));
+    }
+    server.signal(Signal::TERM);
+    assert_eq!(server.end(PATIENCE).code, Some(0));
+}
+
 /// Connects as a viewer; what is advertised to it.
 fn viewer(console: &Console, path: &str) -> (krait_tests::Live, Vec<serde_json::Value>) {
     let mut live = console.open(path, &[VIEWER]).expect("a viewer with its token");

@@ -2,6 +2,7 @@
 //!
 //! It stands in a ring of bounded length; whoever reads too slowly loses the oldest, and nobody waits.
 
+use super::NewMachine;
 use super::figures::Figures;
 use super::wire::Topic;
 use crate::ConsoleError;
@@ -11,8 +12,9 @@ use core::time::Duration;
 use krait_ipc::{Bus, ReadOptions};
 use krait_record::{Views, WallClock};
 use krait_schema::{Channel, Sample, encode};
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 use tokio::sync::broadcast::Sender;
+use tokio::sync::watch;
 
 /// Time between two looks: eight samples of a 1 kHz channel of the 8192 that it holds.
 const LOOK_EVERY: Duration = Duration::from_millis(16);
@@ -67,6 +69,16 @@ pub(crate) struct Feed {
     pub(super) facts: Arc<Facts>,
     pub(super) readers: Arc<Readers>,
     pub(super) packets: Sender<Arc<Packet>>,
+    /// What took the machine's place, and where viewers are told so.
+    pub(super) newer: mpsc::Receiver<NewMachine>,
+    pub(super) machine: watch::Sender<Machine>,
+}
+
+/// A machine that viewers are served: how many others a console has shown before it, and what is known of it.
+#[derive(Clone, Debug)]
+pub(super) struct Machine {
+    pub(super) n_before: u64,
+    pub(super) facts: Arc<Facts>,
 }
 
 impl Feed {
@@ -83,6 +95,9 @@ impl Feed {
             Teller { feed: self, figures: Figures::default(), clock: WallClock::measure(), buffer: Vec::new() };
         while !stop.load(Ordering::Relaxed) {
             std::thread::sleep(LOOK_EVERY);
+            while let Ok(newer) = teller.feed.newer.try_recv() {
+                teller.turn_to(newer);
+            }
             // What nobody reads is taken all the same, so that a viewer begins with what is new.
             let is_read = teller.feed.readers.n_all() > 0;
             for source in &mut sources {
@@ -106,6 +121,19 @@ struct Teller {
 }
 
 impl Teller {
+    /// Goes on with the machine of another chain; viewers hear of it where it is not the same one.
+    fn turn_to(&mut self, (facts, views): NewMachine) {
+        self.figures = Figures::default();
+        self.feed.views = views;
+        self.feed.machine.send_if_modified(|machine| {
+            let is_other = !machine.facts.is_same_machine(&facts);
+            machine.n_before += u64::from(is_other);
+            machine.facts = Arc::clone(&facts);
+            is_other
+        });
+        self.feed.facts = facts;
+    }
+
     fn say(&mut self, sample: &Sample) {
         let wall_ns = self.clock.wall_ns(sample.sample_ns());
         let topic = Topic::Channel(sample.channel());

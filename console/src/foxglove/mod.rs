@@ -10,8 +10,10 @@ mod wire;
 
 pub(crate) use socket::{Viewers, added_to};
 
+use crate::facts::Facts;
 use crate::guard::Token;
 use krait_record::Views;
+use std::sync::Arc;
 
 /// How viewers are served.
 #[derive(Debug)]
@@ -21,6 +23,9 @@ pub struct FoxgloveSettings {
     /// Origins of further pages that may read, as a browser writes them: `https://viewer.example`.
     pub origins: Vec<String>,
 }
+
+/// The machine of a chain that took another one's place, as viewers are served it.
+pub(crate) type NewMachine = (Arc<Facts>, Views);
 
 /// Path under which a token's holder reads.
 pub(crate) fn path_of(token: &Token) -> String {

@@ -1,8 +1,8 @@
 //! A viewer's connection: let in by its token and its origin, told what there is, given what it asks for as fast as it reads.
 
-use super::feed::{Feed, Packet, Readers};
+use super::feed::{Feed, Machine, Packet, Readers};
 use super::wire::{self, Asked, Level, PROTOCOLS, Topic};
-use super::{FoxgloveSettings, path_of};
+use super::{FoxgloveSettings, NewMachine, path_of};
 use crate::allowance::Allowance;
 use crate::facts::Facts;
 use crate::guard::{Token, WebOrigin, origin_of};
@@ -18,8 +18,9 @@ use core::sync::atomic::{AtomicUsize, Ordering};
 use core::time::Duration;
 use krait_ipc::{Bus, clock};
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 use tokio::sync::broadcast::{self, Sender, error::RecvError};
+use tokio::sync::watch;
 use tokio::time::timeout;
 
 /// Viewers at once.
@@ -40,14 +41,14 @@ pub(crate) struct Viewers {
     token: Token,
     own: WebOrigin,
     origins: Vec<String>,
-    facts: Arc<Facts>,
+    machine: watch::Receiver<Machine>,
     readers: Arc<Readers>,
     packets: Sender<Arc<Packet>>,
     n_open: AtomicUsize,
 }
 
 impl Viewers {
-    /// The viewers of a console, and what reads the chain for them.
+    /// The viewers of a console, and what reads the chain for them; `newer` has the machines of chains that come later.
     ///
     /// # Errors
     /// [`ConsoleError`] where there is no token.
@@ -56,13 +57,22 @@ impl Viewers {
         settings: FoxgloveSettings,
         own: WebOrigin,
         facts: &Arc<Facts>,
+        newer: mpsc::Receiver<NewMachine>,
     ) -> Result<(Arc<Self>, Feed), ConsoleError> {
         let FoxgloveSettings { views, origins } = settings;
         let (packets, readers) = (Sender::new(RING_LENGTH), Arc::new(Readers::default()));
         let (token, facts, n_open) = (Token::new()?, Arc::clone(facts), AtomicUsize::new(0));
-        let feed =
-            Feed { bus, views, facts: Arc::clone(&facts), readers: Arc::clone(&readers), packets: packets.clone() };
-        Ok((Arc::new(Self { token, own, origins, facts, readers, packets, n_open }), feed))
+        let (machine_slot, machine) = watch::channel(Machine { n_before: 0, facts: Arc::clone(&facts) });
+        let feed = Feed {
+            bus,
+            views,
+            facts,
+            readers: Arc::clone(&readers),
+            packets: packets.clone(),
+            newer,
+            machine: machine_slot,
+        };
+        Ok((Arc::new(Self { token, own, origins, machine, readers, packets, n_open }), feed))
     }
 
     /// Where a viewer connects to.
@@ -166,12 +176,14 @@ impl Drop for Place {
     }
 }
 
-/// Until the viewer goes, takes too long, or says too much.
+/// Until the viewer goes, takes too long, or says too much, or until the chain is another machine's: a viewer that connects anew is told
+/// of that one.
 async fn serve(mut socket: WebSocket, mut place: Place) {
-    let facts = Arc::clone(&place.viewers.facts);
+    let mut machine = place.viewers.machine.clone();
+    let Machine { n_before, facts } = machine.borrow_and_update().clone();
     let n_joints = facts.joints.as_ref().map_or(0, |joints| joints.low.len());
-    // A session of its own for each chain that a console shows: viewers forget what they knew of another one.
-    let session = place.viewers.own.host.clone();
+    // A session of its own for each machine that a console shows: viewers forget what they knew of another one.
+    let session = format!("{}/{n_before}", place.viewers.own.host);
     for text in [wire::server_info(&facts.instance, &session), wire::advertise(facts.unit, n_joints)] {
         if !send(&mut socket, Message::Text(text.into())).await {
             return;
@@ -207,6 +219,11 @@ async fn serve(mut socket: WebSocket, mut place: Place) {
                 }
                 Err(RecvError::Closed) => return,
             },
+            Ok(()) = machine.changed() => {
+                let why = "The chain is another machine's now; this connection ends, and the next one shows that machine.";
+                send(&mut socket, Message::Text(wire::status(Level::Warning, why).into())).await;
+                return;
+            }
         };
         let now_ns = clock::monotonic_ns();
         // What was passed over soon after the last sentence is told in the next one, whether more follows or not.

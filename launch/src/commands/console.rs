@@ -9,7 +9,7 @@ use crate::{print, recorded, signals, supervisor};
 use anyhow::Context;
 use krait_bridge::{JointMachine, LiveModel, SegmentModel};
 use krait_console::{
-    Facts, FoxgloveSettings, HopBudget, JointFacts, LineFacts, LoadFacts, SegmentFacts, ServerSettings,
+    Facts, FoxgloveSettings, HopBudget, JointFacts, LineFacts, LoadFacts, NewChain, SegmentFacts, ServerSettings,
 };
 use krait_ipc::Bus;
 use krait_ipc::message::{GRIPPER_WIRE, ModelUpdate, n_of_snake};
@@ -70,25 +70,22 @@ pub fn run(common: &Common, args: &ConsoleArgs) -> anyhow::Result<ExitCode> {
     };
     let (instance, has_viewers) = (common.instance.clone(), settings.foxglove.is_some());
     // Without `--config` the page shows whatever chain runs here, also one that is started later.
-    let newer = move || newer_facts(kept.as_mut()?, &instance, has_viewers);
+    let newer = move || newer_chain(kept.as_mut()?, &instance, has_viewers);
     krait_console::run(bus, settings, facts, newer, announce, &stop)?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// The facts of a chain that came since they were asked for last. What cannot be taken over is said in the log, and the page stays as it
-/// is.
-fn newer_facts(kept: &mut KeptConfig, instance: &str, has_viewers: bool) -> Option<Facts> {
+/// What is known of a chain that came since it was asked for last. What cannot be taken over is said in the log, and page and viewers
+/// stay as they are.
+fn newer_chain(kept: &mut KeptConfig, instance: &str, has_viewers: bool) -> Option<NewChain> {
     let found = kept.newer().transpose()?;
-    match found.and_then(|config| facts_of(instance, &config, &config.model()?)) {
-        Ok(facts) => {
-            if has_viewers {
-                tracing::warn!(
-                    "viewers are served the machine that the console was started with, and the page that of the chain that runs; start \
-                     krait console anew where they differ"
-                );
-            }
-            Some(facts)
-        }
+    let known = |config: &Config| {
+        let model = config.model()?;
+        let views = has_viewers.then(|| views_of(config, &model)).transpose()?;
+        Ok(NewChain { facts: facts_of(instance, config, &model)?, views })
+    };
+    match found.and_then(|config| known(&config)) {
+        Ok(chain) => Some(chain),
         Err(error) => {
             tracing::warn!(
                 "the page keeps the machine that it has, as that of the chain that runs is not known: {error:#}; start krait console \
@@ -101,11 +98,13 @@ fn newer_facts(kept: &mut KeptConfig, instance: &str, has_viewers: bool) -> Opti
 
 /// What engineers' own viewers are served: the machine is drawn as in a recording.
 fn viewers_of(config: &Config, model: &ModelInForce, origins: &[String]) -> anyhow::Result<FoxgloveSettings> {
+    Ok(FoxgloveSettings { views: views_of(config, model)?, origins: origins.to_vec() })
+}
+
+fn views_of(config: &Config, model: &ModelInForce) -> anyhow::Result<Views> {
     // Without pictures in recordings, viewers have them as often as by default.
     let rate_hz = if config.record.view_hz == 0 { RecordConfig::default().view_hz } else { config.record.view_hz };
-    let views =
-        Views::new(drawn_of(&model.machine).as_ref(), rate_hz).context("the machine of the model cannot be drawn")?;
-    Ok(FoxgloveSettings { views, origins: origins.to_vec() })
+    Views::new(drawn_of(&model.machine).as_ref(), rate_hz).context("the machine of the model cannot be drawn")
 }
 
 /// An instance of its own, where no chain runs, and the machine that a recording was made with.
