@@ -247,7 +247,8 @@ fn viewers_are_served_the_machine_of_each_chain_that_comes() {
         assert!(own["schema"].as_str().is_some_and(|schema| schema.contains(figure)), "{own}");
         let asked = serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": own["id"] }] });
         live.send(Message::text(asked.to_string())).expect("sent");
-        let (_, payload) = next_data(&mut live);
+        // One that is ended in the very moment at which it begins says that it was stopped before it was ready.
+        let payload = (0..120).map(|_| next_data(&mut live).1).next_back().expect("figures");
         let figures: serde_json::Value = serde_json::from_slice(&payload).expect("JSON");
         assert!(figures[figure].is_number(), "{figures}");
         if more.is_empty() {
