@@ -332,7 +332,8 @@ fn a_number_with_a_standard_error_is_drawn_to_its_value_and_the_pull_is_told() {
     let data = made_elsewhere(42);
     let radius = |keys: &str| {
         let (_, lab) = of_machine(keys);
-        let found = diagnose(&lab, &data, &DiagnoseOptions::default()).unwrap();
+        let options = DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() };
+        let found = diagnose(&lab, &data, &options).unwrap();
         found.calibration.iter().find(|own| own.name == "r_m").cloned().unwrap()
     };
     let of = |se: &str| radius(&format!("e_pa = 57e9\nr_m = {{ value = 0.00165, se = {se}, from = \"drawing\" }}\n"));
@@ -373,7 +374,7 @@ fn a_calibrated_effect_is_drawn_to_its_value_while_the_next_one_is_sought_and_it
     let effect = |value: &str| format!("{MODEL}[[effect]]\nkind = \"backlash\"\nhalf_width_m = {value}\n");
     let asked = |value: &str| {
         let lab = SnakeLab::new(&ModelFile::parse(&effect(value)).unwrap()).unwrap();
-        diagnose(&lab, &data, &DiagnoseOptions::default()).unwrap()
+        diagnose(&lab, &data, &DiagnoseOptions { max_effects: 2, ..DiagnoseOptions::default() }).unwrap()
     };
     let found = asked("{ value = 7.6e-5, se = 4e-6, from = \"play.csv\", date = \"2026-11-01\" }");
     assert_eq!((found.verdict, found.effects[0].name.as_str()), (Verdict::Missing, "twist"), "{}", found.sentence);

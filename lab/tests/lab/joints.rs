@@ -193,7 +193,8 @@ fn a_play_that_was_fitted_alone_gives_way_when_the_lag_beside_it_is_looked_for()
     assert!((wrong - 0.03).abs() > 0.005, "{wrong} alone");
     let saved = save(&file, &alone, "backlash", &data, "2026-11-24").expect("a model");
     let own = JointsLab::new(&ModelFile::parse(&saved.to_toml()).expect("read back")).expect("joints");
-    let found = diagnose(&own, &data, &DiagnoseOptions::default()).expect("a chain");
+    let two = |free| DiagnoseOptions { free, max_effects: 2, ..DiagnoseOptions::default() };
+    let found = diagnose(&own, &data, &two(Vec::new())).expect("a chain");
     let named: Vec<&str> = found.effects.iter().map(|effect| effect.name.as_str()).collect();
     assert_eq!(named, ["first-order-lag"], "{}", found.sentence);
     let of = |name: &str| found.calibration.iter().find(|own| own.name == name).expect("is reported");
@@ -207,8 +208,8 @@ fn a_play_that_was_fitted_alone_gives_way_when_the_lag_beside_it_is_looked_for()
     let held = format!("n = 1\n[[effect]]\nkind = \"backlash\"\nhalf_width = {wrong}\n");
     let (_, held) = machine(&held);
     let free = vec![("backlash".to_owned(), "half_width".to_owned())];
-    let freed = diagnose(&held, &data, &DiagnoseOptions { free, ..DiagnoseOptions::default() }).expect("a chain");
+    let freed = diagnose(&held, &data, &two(free)).expect("a chain");
     assert_eq!(freed.effects.iter().map(|effect| effect.name.as_str()).collect::<Vec<_>>(), ["first-order-lag"]);
-    let held = diagnose(&held, &data, &DiagnoseOptions::default()).expect("a chain");
+    let held = diagnose(&held, &data, &two(Vec::new())).expect("a chain");
     assert!(held.final_heldout_rms > 1.05 * freed.final_heldout_rms, "{}", held.final_heldout_rms);
 }
