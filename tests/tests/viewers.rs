@@ -221,6 +221,9 @@ fn a_page_elsewhere_reads_only_where_it_was_asked_for() {
     assert_eq!(server.end(PATIENCE).code, Some(0));
 }
 
+/// States of a chain in motion: a second of them.
+const N_ENGAGED: usize = 1000;
+
 /// A console that outlives its chain: viewers are told that the machine is another one, and who connects anew reads that one's figures
 /// and sees it drawn.
 #[test]
@@ -245,18 +248,30 @@ fn viewers_are_served_the_machine_of_each_chain_that_comes() {
         (live, advertised) = viewer(&console, path);
         let own = advertised.iter().find(|own| own["topic"] == topic).expect("a topic");
         assert!(own["schema"].as_str().is_some_and(|schema| schema.contains(figure)), "{own}");
-        let asked = serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 1, "channelId": own["id"] }] });
+        let state = advertised.iter().find(|own| own["topic"] == "/krait/state").expect("a topic");
+        let asked = serde_json::json!({ "op": "subscribe", "subscriptions": [
+            { "id": 1, "channelId": own["id"] }, { "id": 2, "channelId": state["id"] },
+        ] });
         live.send(Message::text(asked.to_string())).expect("sent");
         // One that is ended in the very moment at which it begins says that it was stopped before it was ready.
-        let payload = (0..120).map(|_| next_data(&mut live).1).next_back().expect("figures");
+        let (mut n_engaged, mut payload) = (0, Vec::new());
+        while n_engaged < N_ENGAGED || payload.is_empty() {
+            match next_data(&mut live) {
+                (1, newest) => payload = newest,
+                (_, newest) => match krait_schema::decode(Channel::State, &newest) {
+                    Ok(Sample::State(state)) => n_engaged += usize::from(state.is_engaged()),
+                    other => panic!("a state, found {other:?}"),
+                },
+            }
+        }
         let figures: serde_json::Value = serde_json::from_slice(&payload).expect("JSON");
         assert!(figures[figure].is_number(), "{figures}");
         if more.is_empty() {
             let body = advertised.iter().find(|own| own["topic"] == "/snake/scene").expect("a topic");
             let asked =
-                serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 2, "channelId": body["id"] }] });
+                serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 3, "channelId": body["id"] }] });
             live.send(Message::text(asked.to_string())).expect("sent");
-            assert!((0..1000).any(|_| next_data(&mut live).0 == 2), "the snake is drawn");
+            assert!((0..20_000).any(|_| next_data(&mut live).0 == 3), "the snake is drawn");
         }
         chain.signal(Signal::INT);
         assert_eq!(chain.end(PATIENCE).code, Some(0));
