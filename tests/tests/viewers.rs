@@ -236,9 +236,9 @@ fn viewers_are_served_the_machine_of_each_chain_that_comes() {
     let address = server.line();
     let path = address.strip_prefix(&format!("Foxglove: ws://127.0.0.1:{}", console.port)).expect("a third address");
     let (mut live, _) = viewer(&console, path);
-    for (more, topic, figure) in [
-        (&["--master", "script", "--input", SCRIPT, "--model", WRIST][..], "/krait/bends", "measured_joint3_deg"),
-        (&[][..], "/krait/bends", "measured_x_deg"),
+    for (more, figure) in [
+        (&["--master", "script", "--input", SCRIPT, "--model", WRIST][..], "measured_joint3_deg"),
+        (&[][..], "measured_x_deg"),
     ] {
         let chain =
             Krait::start(&[&["run", "--engage=again", "--no-recording", "--instance", &instance][..], more].concat());
@@ -246,9 +246,9 @@ fn viewers_are_served_the_machine_of_each_chain_that_comes() {
         assert!(is_closed(&mut live, PATIENCE), "{figure}: whoever shows the other machine connects anew");
         let advertised;
         (live, advertised) = viewer(&console, path);
-        let own = advertised.iter().find(|own| own["topic"] == topic).expect("a topic");
+        let of = |topic: &str| advertised.iter().find(|own| own["topic"] == topic).expect("a topic");
+        let (own, state) = (of("/krait/bends"), of("/krait/state"));
         assert!(own["schema"].as_str().is_some_and(|schema| schema.contains(figure)), "{own}");
-        let state = advertised.iter().find(|own| own["topic"] == "/krait/state").expect("a topic");
         let asked = serde_json::json!({ "op": "subscribe", "subscriptions": [
             { "id": 1, "channelId": own["id"] }, { "id": 2, "channelId": state["id"] },
         ] });
@@ -267,9 +267,8 @@ fn viewers_are_served_the_machine_of_each_chain_that_comes() {
         let figures: serde_json::Value = serde_json::from_slice(&payload).expect("JSON");
         assert!(figures[figure].is_number(), "{figures}");
         if more.is_empty() {
-            let body = advertised.iter().find(|own| own["topic"] == "/snake/scene").expect("a topic");
-            let asked =
-                serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 3, "channelId": body["id"] }] });
+            let id = &of("/snake/scene")["id"];
+            let asked = serde_json::json!({ "op": "subscribe", "subscriptions": [{ "id": 3, "channelId": id }] });
             live.send(Message::text(asked.to_string())).expect("sent");
             assert!((0..20_000).any(|_| next_data(&mut live).0 == 3), "the snake is drawn");
         }

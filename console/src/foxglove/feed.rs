@@ -66,12 +66,12 @@ impl Readers {
 pub(crate) struct Feed {
     pub(super) bus: Bus,
     pub(super) views: Views,
-    pub(super) facts: Arc<Facts>,
     pub(super) readers: Arc<Readers>,
     pub(super) packets: Sender<Arc<Packet>>,
-    /// What took the machine's place, and where viewers are told so.
-    pub(super) newer: mpsc::Receiver<NewMachine>,
+    /// The machine, of which viewers are told where it is another one, ...
     pub(super) machine: watch::Sender<Machine>,
+    /// ... and what takes its place.
+    pub(super) newer: mpsc::Receiver<NewMachine>,
 }
 
 /// A machine that viewers are served: how many others a console has shown before it, and what is known of it.
@@ -128,10 +128,9 @@ impl Teller {
         self.feed.machine.send_if_modified(|machine| {
             let is_other = !machine.facts.is_same_machine(&facts);
             machine.n_before += u64::from(is_other);
-            machine.facts = Arc::clone(&facts);
+            machine.facts = facts;
             is_other
         });
-        self.feed.facts = facts;
     }
 
     fn say(&mut self, sample: &Sample) {
@@ -144,7 +143,7 @@ impl Teller {
             self.send(Topic::View(view), wall_ns, payload);
         }
         if self.figures.take(sample) {
-            let facts = &self.feed.facts;
+            let facts = &self.feed.machine.borrow().facts;
             self.send(Topic::TrackingError, wall_ns, self.figures.error(facts).to_string().into_bytes());
             self.send(Topic::Bends, wall_ns, self.figures.bends(facts).to_string().into_bytes());
         }

@@ -61,17 +61,9 @@ impl Viewers {
     ) -> Result<(Arc<Self>, Feed), ConsoleError> {
         let FoxgloveSettings { views, origins } = settings;
         let (packets, readers) = (Sender::new(RING_LENGTH), Arc::new(Readers::default()));
-        let (token, facts, n_open) = (Token::new()?, Arc::clone(facts), AtomicUsize::new(0));
-        let (machine_slot, machine) = watch::channel(Machine { n_before: 0, facts: Arc::clone(&facts) });
-        let feed = Feed {
-            bus,
-            views,
-            facts,
-            readers: Arc::clone(&readers),
-            packets: packets.clone(),
-            newer,
-            machine: machine_slot,
-        };
+        let (token, n_open) = (Token::new()?, AtomicUsize::new(0));
+        let (shown, machine) = watch::channel(Machine { n_before: 0, facts: Arc::clone(facts) });
+        let feed = Feed { bus, views, readers: Arc::clone(&readers), packets: packets.clone(), machine: shown, newer };
         Ok((Arc::new(Self { token, own, origins, machine, readers, packets, n_open }), feed))
     }
 
