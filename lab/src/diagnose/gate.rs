@@ -40,10 +40,13 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
     }
     let reversals = reversals(data);
     if reversals < 8 {
-        said.push(format!(
-            "the inputs reverse {reversals} times, and hysteresis shows only at reversals (8 or more): it cannot be told from \
-             stiffness, offsets or latency here"
-        ));
+        let untold = match problem.machine.kind() {
+            "force" => "friction shows only at reversals (8 or more): it cannot be told from the sensor's offset here",
+            _ => {
+                "hysteresis shows only at reversals (8 or more): it cannot be told from stiffness, offsets or latency here"
+            }
+        };
+        said.push(format!("the inputs reverse {reversals} times, and {untold}"));
     }
     if n_outliers > 0 {
         said.push(format!("{n_outliers} rows stand out from their neighbours and were left out"));

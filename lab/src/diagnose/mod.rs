@@ -26,6 +26,7 @@ mod calibration;
 mod clock;
 mod columns;
 mod experiment;
+mod families;
 mod findings;
 mod fine_shapes;
 pub(crate) mod floor;

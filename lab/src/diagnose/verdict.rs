@@ -214,7 +214,13 @@ impl Case<'_> {
         };
         let n_reversals = gate::reversals(&problem.data);
         let has_loads = problem.loads().is_some();
-        let separating = || effects.iter().find_map(|own| experiment::separate(&own.class, n_reversals, has_loads));
+        let is_force = problem.machine.kind() == "force";
+        let separating = || {
+            effects.iter().find_map(|own| match is_force {
+                true => experiment::separate_force(&own.class),
+                false => experiment::separate(&own.class, n_reversals, has_loads),
+            })
+        };
         let next_experiment = experiment::next(verdict, separating, remaining.looks_like);
         let candidates = self.candidates(&effects, scale);
         let loads = self.load_cells(start, &chosen)?;

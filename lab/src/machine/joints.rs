@@ -173,8 +173,8 @@ impl MachineUnderTest for JointsLab {
     }
 
     fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
-        if let Some(formula) = &term.formula {
-            return Ok(formula.parameters.iter().map(snake::formula_parameter).collect());
+        if let Some(own) = snake::formula_parameters(term) {
+            return Ok(own);
         }
         let own = kind(&term.name)?.definition().parameters.iter().map(snake::own_parameter);
         // The number of a joint, and of the one that acts on it.

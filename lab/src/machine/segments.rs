@@ -89,8 +89,8 @@ impl MachineUnderTest for SegmentsLab {
     }
 
     fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
-        if let Some(formula) = &term.formula {
-            return Ok(formula.parameters.iter().map(snake::formula_parameter).collect());
+        if let Some(own) = snake::formula_parameters(term) {
+            return Ok(own);
         }
         Ok(kind(&term.name)?.definition().parameters.iter().map(own_parameter).collect())
     }

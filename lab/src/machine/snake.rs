@@ -109,8 +109,8 @@ impl MachineUnderTest for SnakeLab {
     }
 
     fn parameters(&self, term: &Term) -> Result<Vec<Parameter>, LabError> {
-        if let Some(formula) = &term.formula {
-            return Ok(formula.parameters.iter().map(formula_parameter).collect());
+        if let Some(own) = formula_parameters(term) {
+            return Ok(own);
         }
         if geometry::is_geometry(term) {
             return Ok(geometry::parameters());
@@ -280,12 +280,14 @@ pub(super) fn own_parameter(spec: &krait_model::effects::ParameterSpec) -> Param
     }
 }
 
-pub(super) fn formula_parameter(parameter: &krait_model::effects::FormulaParameter) -> Parameter {
-    Parameter {
-        name: parameter.name.clone(),
-        unit: parameter.unit.clone(),
+/// The parameters of a user's formula, which have no bounds; `None` of any other effect.
+pub(super) fn formula_parameters(term: &Term) -> Option<Vec<Parameter>> {
+    let parameter = |own: &krait_model::effects::FormulaParameter| Parameter {
+        name: own.name.clone(),
+        unit: own.unit.clone(),
         low: f64::NEG_INFINITY,
         high: f64::INFINITY,
-        default: parameter.value,
-    }
+        default: own.value,
+    };
+    term.formula.as_ref().map(|formula| formula.parameters.iter().map(parameter).collect())
 }

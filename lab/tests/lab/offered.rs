@@ -248,6 +248,9 @@ fn a_formula_of_force_that_is_missing_is_named_and_one_that_is_not_there_is_not(
         let mut named: Vec<&str> = diagnosis.effects.iter().map(|own| own.name.as_str()).collect();
         named.sort_unstable();
         assert_eq!(named, ["coulomb", "gravity", "inertia", "viscous"], "seed {seed}: {}", diagnosis.sentence);
+        let next = diagnosis.next_experiment.as_ref().expect("a rub as wide as the way looks like dry friction");
+        assert_eq!(next.separates, ["coulomb", "rub"], "seed {seed}");
+        assert!(next.instruction.starts_with("Run each joint alone"), "seed {seed}: {}", next.instruction);
     }
 }
 
