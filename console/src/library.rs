@@ -1,5 +1,7 @@
 //! Recordings and the lab over HTTP: lists, films, measurements that a page hands over, jobs. Only a page with the token.
 
+mod order;
+
 use crate::columns;
 use crate::doctor;
 use crate::jobs::Jobs;
@@ -13,7 +15,8 @@ use axum::http::{StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use serde::{Deserialize, Serialize};
+use order::Order;
+use serde::Serialize;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::Arc;
 use tokio::sync::Semaphore;
@@ -74,6 +77,24 @@ impl Library {
         models
     }
 
+    /// Models in which the word stands that makes an effect a formula; whether it can be offered the lab says.
+    fn with_formulas(&self) -> Vec<String> {
+        let has_one = |name: &String| {
+            std::fs::read_to_string(self.folder.join(name)).is_ok_and(|text| text.contains("\"formula\""))
+        };
+        self.models().into_iter().filter(has_one).collect()
+    }
+
+    /// The option for the formulas of a model.
+    fn effects(&self, name: Option<&str>) -> Result<Option<String>, String> {
+        let Some(name) = name else { return Ok(None) };
+        let is_listed = self.with_formulas().iter().any(|known| known == name);
+        let path = is_listed
+            .then(|| self.folder.join(name))
+            .ok_or_else(|| format!("There is no model {name:?} with formulas in the list."))?;
+        Ok(Some(format!("--effects={}", path.display())))
+    }
+
     fn model(&self, name: &str) -> Result<PathBuf, String> {
         let path = self.folder.join(name);
         match self.models().iter().any(|known| known == name) {
@@ -119,148 +140,6 @@ fn is_plain_name(name: &str, ending: &str) -> bool {
         && name.len() > ending.len()
         && !name.starts_with(['.', '-'])
         && name.chars().all(allowed)
-}
-
-/// Longest PARAMETER=COLUMN of an order, bytes.
-const MOST_OF_BY: usize = 200;
-
-/// Most recordings with a clock of their own, and the longest text of one, bytes.
-const MOST_CLOCKS: usize = 16;
-const MOST_OF_CLOCK: usize = 40;
-
-/// The option for each clock; the lab itself judges the numbers.
-fn clocks(all: &[String]) -> Result<Vec<String>, String> {
-    let is_numbers =
-        |own: &String| own.len() <= MOST_OF_CLOCK && own.chars().all(|c| c.is_ascii_digit() || "+-.,e".contains(c));
-    if all.len() > MOST_CLOCKS || !all.iter().all(is_numbers) {
-        return Err(format!("At most {MOST_CLOCKS} clocks can be given, each as seconds and parts per million."));
-    }
-    Ok(all.iter().map(|own| format!("--clock={own}")).collect())
-}
-
-/// What a page orders.
-#[derive(Debug, Deserialize)]
-#[serde(tag = "verb", rename_all = "kebab-case", deny_unknown_fields)]
-enum Order {
-    /// How far model and measurement are apart, by the clocks of the measurements that a diagnosis found.
-    Compare {
-        model: String,
-        data: String,
-        #[serde(default)]
-        clock: Vec<String>,
-    },
-    /// Which effect is missing.
-    Diagnose { model: String, data: String },
-    /// The chain of this console goes on with a model.
-    Exchange { model: String },
-    /// What the columns of a measurement stand for; `map` has what the user says of them.
-    Columns { data: String, map: Vec<String> },
-    /// Adds an effect and writes another model; of joints on one of them, and with a number that depends on a column: PARAMETER=COLUMN.
-    Add {
-        model: String,
-        data: String,
-        effect: String,
-        joint: Option<u32>,
-        by: Option<String>,
-        out: String,
-        #[serde(default)]
-        clock: Vec<String>,
-    },
-    /// Fits what a model has again and writes another one.
-    Fit {
-        model: String,
-        data: String,
-        out: String,
-        #[serde(default)]
-        clock: Vec<String>,
-    },
-    /// Hides an effect; without a seed, one from the clock.
-    Quiz { level: String, seed: Option<u64> },
-    /// What the model leaves of a riddle.
-    Look { riddle: String },
-    /// Judges a guess; without one the answer is told.
-    Guess { riddle: String, guess: Option<String> },
-    /// How the lab finds what a riddle hides.
-    Solve { riddle: String },
-    /// Whether a recording can be repeated byte for byte.
-    Verify { data: String },
-    /// Two recordings side by side, a chain of each, counted from 1.
-    CompareRecordings { a: String, b: String, pass_a: u32, pass_b: u32 },
-}
-
-impl Order {
-    fn arguments(&self, library: &Library) -> Result<Vec<String>, String> {
-        let text = |path: PathBuf| path.to_string_lossy().into_owned();
-        let lab = |verb: &str, model: &str, data: &str| -> Result<Vec<String>, String> {
-            let (model, data) = (text(library.model(model)?), library.data(data)?);
-            let map = columns::map_of(&data);
-            let data = text(data);
-            let report = text(library.folder.join(format!("{verb}.html")));
-            let words = ["lab", verb, "--json", "--model", &model, "--data", &data, "--report", &report];
-            let map = map.into_iter().flat_map(|map| ["--map-file".to_owned(), text(map)]);
-            Ok(words.map(str::to_owned).into_iter().chain(map).collect())
-        };
-        let recording = |name: &str| {
-            library
-                .recordings
-                .path_of(name)
-                .map(text)
-                .ok_or_else(|| format!("There is no recording {name:?} in the list."))
-        };
-        match self {
-            Self::Compare { model, data, clock } => {
-                let mut arguments = lab("compare", model, data)?;
-                arguments.push("--curves".to_owned());
-                arguments.extend(clocks(clock)?);
-                Ok(arguments)
-            }
-            Self::Columns { data, map } => columns::propose(&library.table(data)?, map),
-            Self::Diagnose { model, data } => lab("diagnose", model, data),
-            Self::Add { model, data, effect, joint, by, out, clock } => {
-                let is_effect =
-                    effect.len() <= 60 && effect.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
-                if !is_effect || effect.starts_with('-') || effect.is_empty() {
-                    return Err("An effect's name has letters, digits and hyphens only.".to_owned());
-                }
-                let out = library.new_model(out)?;
-                let mut arguments = lab("add", model, data)?;
-                arguments.insert(2, effect.clone());
-                arguments.extend(joint.map(|joint| format!("--set=joint={joint}")));
-                if let Some(by) = by {
-                    if by.len() > MOST_OF_BY || by.chars().any(char::is_control) {
-                        return Err("A column's name is one line of at most 200 bytes.".to_owned());
-                    }
-                    arguments.push(format!("--by={by}"));
-                }
-                arguments.extend(clocks(clock)?);
-                arguments.extend(["--out".to_owned(), text(out)]);
-                Ok(arguments)
-            }
-            Self::Fit { model, data, out, clock } => {
-                let out = library.new_model(out)?;
-                let mut arguments = lab("fit", model, data)?;
-                arguments.extend(clocks(clock)?);
-                arguments.extend(["--out".to_owned(), text(out)]);
-                Ok(arguments)
-            }
-            Self::Exchange { model } => {
-                let words =
-                    ["model", "exchange", &text(library.model(model)?), "--instance", &library.instance, "--json"];
-                Ok(words.map(str::to_owned).to_vec())
-            }
-            Self::Quiz { level, seed } => library.riddles.ask(level, *seed),
-            Self::Look { riddle } => library.riddles.look(riddle),
-            Self::Guess { riddle, guess } => library.riddles.check(riddle, guess.as_deref()),
-            Self::Solve { riddle } => library.riddles.solve(riddle),
-            Self::Verify { data } => Ok(vec!["verify".to_owned(), recording(data)?, "--json".to_owned()]),
-            Self::CompareRecordings { a, b, pass_a, pass_b } => {
-                let (a, b, out) = (recording(a)?, recording(b)?, text(library.folder.join(COMPARED)));
-                let (pass_a, pass_b) = (pass_a.to_string(), pass_b.to_string());
-                let words = ["compare", &a, &b, "--pass-a", &pass_a, "--pass-b", &pass_b, "--out", &out, "--json"];
-                Ok(words.map(str::to_owned).to_vec())
-            }
-        }
-    }
 }
 
 /// The routes; each asks for the token.
@@ -323,6 +202,8 @@ async fn film(State(shared): State<Arc<Shared>>, Path(name): Path<String>) -> Re
 struct Shelf {
     models: Vec<String>,
     data: Vec<String>,
+    /// Models with formulas, which can be offered to a diagnosis.
+    formulas: Vec<String>,
     /// Measurements whose columns somebody has named.
     named: Vec<String>,
     folder: String,
@@ -337,7 +218,8 @@ async fn lab(State(shared): State<Arc<Shared>>) -> Response {
     let mut data = library.files(".csv");
     let named = data.iter().filter(|name| columns::map_of(&library.folder.join(name)).is_some()).cloned().collect();
     data.extend(recordings.into_iter().map(|entry| entry.name));
-    json(&Shelf { models: library.models(), data, named, folder: library.folder.display().to_string() })
+    let (models, formulas) = (library.models(), library.with_formulas());
+    json(&Shelf { models, data, formulas, named, folder: library.folder.display().to_string() })
 }
 
 async fn start(State(shared): State<Arc<Shared>>, WholeBody(body): WholeBody<LINES_S>) -> Response {

@@ -204,8 +204,8 @@ impl Offered {
         self.0.text.columns.iter().map(|own| own.column.as_str()).take(MAX_COLUMNS)
     }
 
-    /// As an effect of a model, of one joint, from 0; `value` is that of each parameter by its name.
-    pub(crate) fn term(self, joint: usize, value: impl Fn(&str) -> Option<f64>) -> Term {
+    /// As an effect of a model, of one joint, from 0; `value` is that of each parameter by its name, `None` the file's own.
+    pub fn term(self, joint: usize, value: impl Fn(&str) -> Option<f64>) -> Term {
         let given = &self.0.text.parameters;
         let values = given.iter().map(|own| value(&own.name).unwrap_or(own.value)).collect();
         Term {
@@ -249,7 +249,7 @@ impl Offered {
 }
 
 /// A formula on one joint, from 0, of several: a formula of a model stands on every joint.
-fn on_joint(text: &FormulaText, n_joints: usize, joint: usize) -> FormulaText {
+pub(crate) fn on_joint(text: &FormulaText, n_joints: usize, joint: usize) -> FormulaText {
     if n_joints < 2 {
         return text.clone();
     }

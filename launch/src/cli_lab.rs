@@ -185,11 +185,14 @@ pub struct DiagnoseArgs {
 /// Options of `krait lab add`.
 #[derive(Clone, Debug, Args)]
 pub struct AddArgs {
-    /// The effect's name, or `formula`.
+    /// The effect's name, `formula`, or the name of a formula in the file of --effects.
     pub effect: String,
     /// Model and data.
     #[command(flatten)]
     pub files: LabFiles,
+    /// A model file of the same machine: where it has a formula of this name, that is added, from its values or those of --set.
+    #[arg(long, value_name = "FILE")]
+    pub effects: Option<PathBuf>,
     /// Where to write the model with the effect.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,

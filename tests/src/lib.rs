@@ -7,6 +7,7 @@
 mod browser;
 mod chain_sender;
 mod http;
+mod lab_room;
 mod looks;
 mod motion;
 mod operate_room;
@@ -20,6 +21,7 @@ mod world;
 pub use browser::{Browser, BrowserPage};
 pub use chain_sender::{ChainScene, ChainSender};
 pub use http::{Console, HttpAnswer, Live, answer_on, is_closed, next_of_kind};
+pub use lab_room::{bar_values, bars, choose, press};
 pub use looks::{SIZES, Scrolls};
 pub use motion::{
     allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, kill_until_back, samples_in,

@@ -12,7 +12,7 @@ import { prime, reportLink, run, say, second, tile, work } from './work.js';
 const page = document.getElementById('lab');
 const STEPS = ['Compare', 'Diagnose', 'Add', 'Run'];
 const parts = {};
-let isBuilt = false, shelf = { models: [], data: [], named: [] }, step = 0, results = [], falls = [], isQuiz = false;
+let isBuilt = false, shelf = { models: [], data: [], formulas: [], named: [] }, step = 0, results = [], falls = [], isQuiz = false;
 // The model that the first two steps are of, and the one that was written since; the rail shows the newest.
 let base = '', added = null;
 // What a diagnosis found, each as it can be added; which of them is added alone, and all of them in the order of the chain.
@@ -41,14 +41,17 @@ function build() {
   data.append(parts.file, drop, parts.columns);
   parts.before = make('p', 'before');
   const model = make('section', 'card pick', make('h2', '', 'Model'), choice('model', 'Model'), parts.before);
+  // Seen where a model in the folder has formulas.
+  parts.offer = make('section', 'card pick offer', make('h2', '', 'Formulas of your own'), choice('formulas', 'Formulas of your own'), make('p', 'before', 'tried beside the known effects'));
   parts.steps = make('ol', 'steps');
   parts.quiz = second('Quiz: find the hidden effect', () => { isQuiz = true; draw(); });
   parts.fall = make('div', 'fall-picture');
   parts.fallSays = make('p');
   const fall = make('section', 'card fall', make('h2', '', 'Error after each effect ', make('em', '', 'rms, on data not fitted to')), parts.fall, parts.fallSays);
-  page.replaceChildren(make('div', 'rail', data, model, parts.steps, parts.quiz), work, fall);
+  page.replaceChildren(make('div', 'rail', data, model, parts.offer, parts.steps, parts.quiz), work, fall);
   parts.data.addEventListener('change', restart);
   parts.model.addEventListener('change', restart);
+  parts.formulas.addEventListener('change', restart);
   parts.file.addEventListener('change', () => hand(parts.file.files[0]));
   page.addEventListener('dragover', event => event.preventDefault());
   page.addEventListener('drop', event => { event.preventDefault(); hand(event.dataTransfer.files[0]); });
@@ -70,11 +73,12 @@ async function fill() {
   const answer = await fetch('/lab');
   if (!answer.ok) return;
   shelf = await answer.json();
-  for (const name of ['data', 'model']) {
-    const names = name === 'data' ? shelf.data : shelf.models, before = parts[name].value;
-    parts[name].replaceChildren(...names.map(value => { const option = make('option', '', value); option.value = value; return option; }));
+  for (const [name, names] of [['data', shelf.data], ['model', shelf.models], ['formulas', ['', ...shelf.formulas]]]) {
+    const before = parts[name].value;
+    parts[name].replaceChildren(...names.map(value => { const option = make('option', '', value || 'none'); option.value = value; return option; }));
     if (names.includes(before)) parts[name].value = before;
   }
+  parts.offer.hidden = !shelf.formulas.length;
 }
 
 async function hand(file) {
@@ -165,11 +169,12 @@ function askDiagnose() {
 }
 
 async function diagnose() {
-  const answer = await run({ verb: 'diagnose', ...files() }, 'Trying every effect …', draw);
+  const effects = parts.formulas.value || null;
+  const answer = await run({ verb: 'diagnose', ...files(), effects }, 'Trying every effect …', draw);
   if (!answer) return;
   const shown = answer.effects.length ? answer.effects : answer.partial, n = shown.length;
   clocks = { of: parts.data.value, words: (answer.clocks ?? []).map(own => `${own.shift_s.toFixed(4)},${own.rate_ppm.toFixed(1)}`) };
-  places = shown.map(own => ({ effect: own.effect, ...placeOf(own, answer.variations) }));
+  places = shown.map(own => ({ effect: own.effect, effects, set: startOf(own), ...placeOf(own, answer.variations) }));
   [found, one, order] = [[...places], 0, answer.chain_order ?? []];
   const count = n === 1 ? 'One effect is missing' : `${n} effects are missing`;
   const title = { none: 'Nothing is missing.', missing: `${count}.`, partly: `${count}, and something besides.`, unknown: 'Nothing known explains it.', 'too-short': 'These data are too short to say.' }[answer.verdict] ?? answer.verdict;
@@ -194,9 +199,13 @@ async function diagnose() {
   draw();
 }
 
-/// One of those that look alike instead of the one that was named; a number that depends on a column is of that one alone.
+// A formula of one's own, which nobody has explained, starts from what was found.
+const startOf = own => own.explanation ? [] : Object.entries(own.params).map(([name, { value }]) => [name, value]);
+
+/// One of those that look alike instead of the one that was named; a number that depends on a column, and values to start from, are of
+/// that one alone.
 function chooseAlike(i, name) {
-  [found[i], one] = [name === places[i].effect ? places[i] : { ...places[i], effect: name, by: null }, i];
+  [found[i], one] = [name === places[i].effect ? places[i] : { ...places[i], effect: name, by: null, set: [] }, i];
   write(work.querySelector('.alone'), `Add ${name}`);
 }
 

@@ -84,7 +84,7 @@ async function guess(name) {
 
 function tell(title, answer) {
   const { unit } = riddle.look.error, size = value => `${value.toFixed(2)}${sign(unit)}`;
-  const words = answer.hidden.map((name, i) => card(described(name, answer.explanations[i]), answer.explanations[i]));
+  const words = answer.hidden.map((name, i) => card(titled({ effect: name, title: answer.titles[i] }), answer.explanations[i]));
   say(title, 'This is why:', [make('div', 'effects', ...words), make('div', 'tiles', tile('the effect alone, rms', size(answer.effect_rms_deg)), tile('the noise, rms', size(answer.noise_rms_deg))), pictures()],
     [prime('Another riddle', () => askWhich()), second('How the lab finds it', solve), reportLink('look', 'More pictures')]);
 }

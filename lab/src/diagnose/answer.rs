@@ -35,6 +35,21 @@ impl Verdict {
             Self::TooShort => "too-short",
         }
     }
+
+    /// One verdict of all joints.
+    pub(crate) fn together(all: &[Self]) -> Self {
+        let any = |verdict: Self| all.contains(&verdict);
+        if all.iter().all(|own| *own == Self::None) {
+            Self::None
+        } else if any(Self::Missing) || any(Self::Partly) {
+            let is_done = all.iter().all(|own| matches!(own, Self::Missing | Self::None));
+            if is_done { Self::Missing } else { Self::Partly }
+        } else if any(Self::Unknown) {
+            Self::Unknown
+        } else {
+            Self::TooShort
+        }
+    }
 }
 
 /// A diagnosis. Errors are lengths of the output's error, root mean square, in the machine's unit for errors (degrees).

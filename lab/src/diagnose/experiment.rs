@@ -28,18 +28,18 @@ pub(crate) fn separate_joints(class: &[String], joint: Option<usize>) -> Option<
     if class.len() < 2 {
         return None;
     }
-    let instruction = of_family(&OF_JOINTS, class).unwrap_or(RICH_OF_JOINTS);
-    let instruction = joint.map_or(instruction.to_owned(), |joint| format!("On joint {joint}: {instruction}"));
-    Some(NextExperiment { separates: class.to_vec(), instruction, motion: None })
+    Some(on_joint(class, joint, of_family(&OF_JOINTS, class).unwrap_or(RICH_OF_JOINTS)))
 }
 
-/// The experiment for effects of a force that look alike; `None` where there is nothing to separate.
-pub(super) fn separate_force(class: &[String]) -> Option<NextExperiment> {
-    (class.len() > 1).then(|| NextExperiment {
-        separates: class.to_vec(),
-        instruction: of_family(&OF_FORCE, class).unwrap_or(RICH_OF_FORCE).to_owned(),
-        motion: None,
-    })
+/// The experiment for effects of a force, of a joint (from 1) where there are several, that look alike; `None` where there is nothing to
+/// separate.
+pub(super) fn separate_force(class: &[String], joint: Option<usize>) -> Option<NextExperiment> {
+    (class.len() > 1).then(|| on_joint(class, joint, of_family(&OF_FORCE, class).unwrap_or(RICH_OF_FORCE)))
+}
+
+fn on_joint(class: &[String], joint: Option<usize>, instruction: &str) -> NextExperiment {
+    let instruction = joint.map_or(instruction.to_owned(), |joint| format!("On joint {joint}: {instruction}"));
+    NextExperiment { separates: class.to_vec(), instruction, motion: None }
 }
 
 /// The experiment for effects of a snake or of segments that look alike; `None` where there is nothing to separate.
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn what_a_force_is_asked_for_is_about_its_own_effects() {
-        let asked = |names: &[&str]| separate_force(&class(names)).map(|next| next.instruction);
+        let asked = |names: &[&str]| separate_force(&class(names), None).map(|next| next.instruction);
         assert_eq!(asked(&["coulomb"]), None, "nothing to separate");
         let says = |names: &[&str], words: &str| {
             let instruction = asked(names).expect("look-alikes");

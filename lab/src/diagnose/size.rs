@@ -1,6 +1,6 @@
 //! How large an effect is, in words that stand behind its name or its title: headline, report and page say the same.
 
-use super::answer::{FoundEffect, FoundParameter};
+use super::answer::FoundEffect;
 use krait_model::effects::explanation;
 
 /// Parameters that are the effect itself: a title says what they are.
@@ -9,38 +9,47 @@ const SAID_BY_TITLE: [&str; 8] = ["clearance", "delay", "f_c", "f_s", "k", "mome
 impl FoundEffect {
     /// Its size, as the first of the parameters that were fitted tells it; `None` where none was.
     pub(crate) fn size(&self) -> Option<String> {
-        self.parameters.iter().find(|own| own.is_free).map(in_words)
+        self.parameters.iter().find(|own| own.is_free).map(|own| in_words(&own.name, &own.unit, own.value))
     }
 
     /// What people call it, with its size ("play: 0.180 mm in all"); `None` for a formula of one's own.
     pub fn title(&self) -> Option<String> {
-        let title = explanation(&self.name)?.title;
-        Some(self.size().map_or_else(|| title.to_owned(), |size| format!("{title}: {size}")))
+        with_size(&self.name, self.size())
     }
 }
 
+/// What people call an effect of this name, with a parameter of it as its size: name, unit and value; `None` for a formula of one's own.
+pub fn titled(effect: &str, parameter: Option<(&str, &str, f64)>) -> Option<String> {
+    with_size(effect, parameter.map(|(name, unit, value)| in_words(name, unit, value)))
+}
+
+fn with_size(effect: &str, size: Option<String>) -> Option<String> {
+    let title = explanation(effect)?.title;
+    Some(size.map_or_else(|| title.to_owned(), |size| format!("{title}: {size}")))
+}
+
 /// A parameter in the unit that people think in.
-fn in_words(own: &FoundParameter) -> String {
-    let with_unit = |value: f64| match own.unit.as_str() {
+fn in_words(name: &str, unit: &str, value: f64) -> String {
+    let with_unit = |value: f64| match unit {
         "rad" => format!("{} deg", three_digits(value.to_degrees())),
         "m" => format!("{} mm", three_digits(1e3 * value)),
         "1" => three_digits(value),
         other => format!("{} {other}", three_digits(value)),
     };
     // The name without its unit: the number has one behind it.
-    let name = ["_m", "_rad", "_s", "_n", "_nm"].iter().find_map(|unit| own.name.strip_suffix(unit));
-    match name.unwrap_or(&own.name) {
-        "half_width" => format!("{} in all", with_unit(2.0 * own.value)),
+    let bare = ["_m", "_rad", "_s", "_n", "_nm"].iter().find_map(|unit| name.strip_suffix(unit));
+    match bare.unwrap_or(name) {
+        "half_width" => format!("{} in all", with_unit(2.0 * value)),
         "eta" => {
-            let word = if own.value < 1.0 { "softer" } else { "stiffer" };
-            format!("{} % {word}", three_digits(100.0 * (own.value - 1.0).abs()))
+            let word = if value < 1.0 { "softer" } else { "stiffer" };
+            format!("{} % {word}", three_digits(100.0 * (value - 1.0).abs()))
         }
         "relative" | "scale" => {
-            let sign = if own.value < 0.0 { "-" } else { "+" };
-            format!("{sign}{} %", three_digits(100.0 * own.value.abs()))
+            let sign = if value < 0.0 { "-" } else { "+" };
+            format!("{sign}{} %", three_digits(100.0 * value.abs()))
         }
-        name if SAID_BY_TITLE.contains(&name) => with_unit(own.value),
-        name => format!("{} {}", name.replace('_', " "), with_unit(own.value)),
+        bare if SAID_BY_TITLE.contains(&bare) => with_unit(value),
+        bare => format!("{} {}", bare.replace('_', " "), with_unit(value)),
     }
 }
 
@@ -57,6 +66,7 @@ fn three_digits(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::diagnose::answer::FoundParameter;
 
     fn found(name: &str, parameters: &[(&str, f64, &str, bool)]) -> FoundEffect {
         let parameter = |&(name, value, unit, is_free): &(&str, f64, &str, bool)| FoundParameter {

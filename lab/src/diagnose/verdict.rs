@@ -217,7 +217,7 @@ impl Case<'_> {
         let is_force = problem.machine.kind() == "force";
         let separating = || {
             effects.iter().find_map(|own| match is_force {
-                true => experiment::separate_force(&own.class),
+                true => experiment::separate_force(&own.class, None),
                 false => experiment::separate(&own.class, n_reversals, has_loads),
             })
         };
@@ -251,7 +251,7 @@ impl Case<'_> {
             sentence: match &self.hint {
                 Some(hint) => format!("the columns first: {hint}"),
                 None if verdict == Verdict::TooShort => too_short(problem),
-                None => sentence(verdict, &effects, &remaining, after, floor.rms, unit),
+                None => sentence(verdict, &effects, |_| String::new(), &remaining, after, floor.rms, unit),
             },
             needed_s: (verdict == Verdict::TooShort).then(|| problem.needed_s()),
             verdict,

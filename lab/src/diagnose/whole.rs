@@ -3,6 +3,7 @@
 
 use super::answer::{Diagnosis, Verdict};
 use super::clock::by_own_clock;
+use super::force_joints::by_joints;
 use super::locked;
 use super::model_free::model_free_rms;
 use super::own_camera::by_own_camera;
@@ -93,7 +94,7 @@ pub(super) fn open_diagnosis(
             crate::joint::diagnose(&joints, data, &options)?.sketched(machine, data)?
         }
         // Angle and force are filtered alike and have one clock.
-        None if data.quantity == Quantity::Force => by_one_clock(machine, data, options)?,
+        None if data.quantity == Quantity::Force => by_joints(machine, data, options)?,
         None => {
             let of_one_camera =
                 |data: &Measurements| by_own_clock(machine, data, options, |data| by_one_clock(machine, data, options));

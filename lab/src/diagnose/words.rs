@@ -74,10 +74,11 @@ pub(crate) fn sure(effects: &[FoundEffect]) -> String {
     }
 }
 
-/// The verdict in one sentence.
+/// The verdict in one sentence; `place` is put behind an effect's name.
 pub(super) fn sentence(
     verdict: Verdict,
     effects: &[FoundEffect],
+    place: impl Fn(&FoundEffect) -> String,
     remaining: &Remaining,
     after: f64,
     floor: Option<f64>,
@@ -86,7 +87,7 @@ pub(super) fn sentence(
     let is_known = floor.is_some();
     let floor =
         floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));
-    let names = || named(effects, |_| String::new());
+    let names = || named(effects, &place);
     match verdict {
         Verdict::None => {
             format!("nothing is missing: an error of {after:.3} {unit} beside {floor} is the measurement's own")

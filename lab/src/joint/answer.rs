@@ -59,7 +59,8 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let (unit, scale) = machine.error_unit();
     let length = |of: &dyn Fn(&Found) -> f64| found.iter().map(of).sum::<f64>().sqrt() * scale;
     let Hints { wrong: hints, odd } = hints;
-    let verdict = if hints.is_empty() { together(&found) } else { Verdict::Unknown };
+    let verdicts: Vec<Verdict> = found.iter().map(|own| own.verdict).collect();
+    let verdict = if hints.is_empty() { Verdict::together(&verdicts) } else { Verdict::Unknown };
     let stands = |own: &Found| own.stands() && hints.is_empty();
     let mut named: Vec<(f64, FoundEffect, Term)> = Vec::new();
     let mut partial: Vec<(f64, FoundEffect)> = Vec::new();
@@ -225,22 +226,6 @@ fn disagreeing(own: &Found, options: &DiagnoseOptions, data: &Measurements) -> V
 /// How long data must be for all joints, s.
 fn needed_s(found: &[Found]) -> f64 {
     found.iter().filter_map(|own| own.needed_s).fold(0.0, f64::max)
-}
-
-/// One verdict of all joints.
-fn together(found: &[Found]) -> Verdict {
-    let all = |verdict: Verdict| found.iter().all(|own| own.verdict == verdict);
-    let any = |verdict: Verdict| found.iter().any(|own| own.verdict == verdict);
-    if all(Verdict::None) {
-        Verdict::None
-    } else if any(Verdict::Missing) || any(Verdict::Partly) {
-        let done = found.iter().all(|own| matches!(own.verdict, Verdict::Missing | Verdict::None));
-        if done { Verdict::Missing } else { Verdict::Partly }
-    } else if any(Verdict::Unknown) {
-        Verdict::Unknown
-    } else {
-        Verdict::TooShort
-    }
 }
 
 fn effect(machine: &JointsLab, own: &Found, slot: usize, place: usize, scale: f64) -> Result<FoundEffect, LabError> {

@@ -16,6 +16,8 @@ pub struct ForceLab {
     effects: Vec<Term>,
     /// What of them a fit finds, or is drawn to.
     open: Vec<OpenNumber>,
+    /// Its number, from 0, where this is one joint of several by itself.
+    only: Option<usize>,
 }
 
 impl ForceLab {
@@ -23,7 +25,37 @@ impl ForceLab {
     pub fn new(file: &ModelFile) -> Option<Self> {
         let krait_model::model_file::Machine::Force(machine) = file.machine() else { return None };
         let effects = file.effects().iter().map(|effect| snake::term(effect.setting())).collect();
-        Some(Self { machine: machine.clone(), effects, open: snake::open_values(file) })
+        Some(Self { machine: machine.clone(), effects, open: snake::open_values(file), only: None })
+    }
+
+    /// A joint, from 0, by itself, with the places that its effects have here; `None` where a number that a fit may find is of more than
+    /// this joint. `free`: what the user frees.
+    pub(crate) fn of_joint(&self, joint: usize, free: &[(String, String)]) -> Option<OneJoint> {
+        let is_of_more = |own: &Term| own.formula.is_some() || joint_of(own) == 0;
+        let is_of = |own: &Term| is_of_more(own) || joint_of(own) == joint + 1;
+        let places: Vec<usize> = (0..self.effects.len()).filter(|place| is_of(&self.effects[*place])).collect();
+        let mut own_free = Vec::new();
+        for name in free {
+            let own = self.effects.iter().find(|effect| effect.label() == name.0)?;
+            if is_of_more(own) {
+                return None;
+            }
+            own_free.extend((joint_of(own) == joint + 1).then(|| name.clone()));
+        }
+        if self.open.iter().any(|own| is_of_more(&self.effects[own.effect])) {
+            return None;
+        }
+        let open = self.open.iter().filter_map(|own| {
+            let effect = places.iter().position(|place| *place == own.effect)?;
+            Some(OpenNumber { effect, ..own.clone() })
+        });
+        let lab = Self {
+            machine: ForceMachine { n: 1, ..self.machine.clone() },
+            effects: places.iter().map(|place| self.effects[*place].clone()).collect(),
+            open: open.collect(),
+            only: Some(joint),
+        };
+        Some(OneJoint { lab, places, free: own_free })
     }
 
     /// Measurements as they were recorded, filtered as those of a file are; load in columns `load1_nm`.
@@ -51,10 +83,8 @@ impl ForceLab {
         for joint in 0..n {
             let motion = Motion::of(data, joint)?;
             // A formula is of every joint: it can name one itself.
-            let is_own = |term: &Term| {
-                let of = term.values.first().copied().map_or(0, |joint| joint.round() as usize);
-                term.formula.is_some() || of == 0 || of == joint + 1
-            };
+            let number = self.only.unwrap_or(joint);
+            let is_own = |term: &Term| term.formula.is_some() || joint_of(term) == 0 || joint_of(term) == number + 1;
             let all = effects.iter().zip(&laws);
             let terms: Vec<(&Term, &Law)> = all.filter(|(term, _)| is_own(term)).collect();
             for row in 0..data.n_rows() {
@@ -71,7 +101,7 @@ impl ForceLab {
                     Law::Known(kind) => now.force(*kind, &term.values, load),
                     // Not finite counts as zero, as in a chain.
                     Law::Own(own, parameters) => {
-                        own.value(&now.seen(load, joint, data.time_s[row]), parameters).unwrap_or(0.0)
+                        own.value(&now.seen(load, number, data.time_s[row]), parameters).unwrap_or(0.0)
                     }
                 };
                 forces[row * n + joint] = terms.iter().map(part).sum();
@@ -79,6 +109,20 @@ impl ForceLab {
         }
         Ok(forces)
     }
+}
+
+/// A joint of a machine by itself.
+pub(crate) struct OneJoint {
+    pub lab: ForceLab,
+    /// Where its effects stand in the machine.
+    pub places: Vec<usize>,
+    /// What the user frees of them.
+    pub free: Vec<(String, String)>,
+}
+
+/// The joint of a known effect, from 1; 0 for all.
+fn joint_of(term: &Term) -> usize {
+    term.values.first().copied().map_or(0, |joint| joint.round() as usize)
 }
 
 /// What a term says: an effect of the library, or the user's formula with its numbers.
@@ -197,6 +241,10 @@ impl MachineUnderTest for ForceLab {
         "force"
     }
 
+    fn as_force(&self) -> Option<&ForceLab> {
+        Some(self)
+    }
+
     fn error_unit(&self) -> (&str, f64) {
         (self.machine.unit.word(), 1.0)
     }
@@ -222,7 +270,12 @@ impl MachineUnderTest for ForceLab {
     }
 
     fn candidates(&self, data: &Measurements) -> Vec<Candidate> {
-        ForceEffect::ALL.into_iter().map(|effect| candidate(effect, data)).collect()
+        let joints: Vec<f64> = match self.only {
+            Some(number) => vec![(number + 1) as f64],
+            None if data.n_outputs == 1 => vec![0.0],
+            None => (1..=data.n_outputs).map(|joint| joint as f64).collect(),
+        };
+        ForceEffect::ALL.into_iter().map(|effect| candidate(effect, data, &joints)).collect()
     }
 
     /// The sensor's offset is solved for in each trial: the mean of what is left over the rows that were measured.
@@ -245,10 +298,9 @@ impl MachineUnderTest for ForceLab {
     }
 }
 
-/// Where to look for an effect.
-fn candidate(effect: ForceEffect, data: &Measurements) -> Candidate {
+/// Where to look for an effect; `joints`: the numbers of those that may have it.
+fn candidate(effect: ForceEffect, data: &Measurements, joints: &[f64]) -> Candidate {
     let definition = effect.definition();
-    let n = data.n_outputs;
     let neutral: Vec<f64> = definition.parameters.iter().map(|p| p.default).collect();
     let n_amplitudes = if effect == ForceEffect::Gravity { 2 } else { 1 };
     let size = 0.1 * crate::noise::bounds(data.outputs.iter().copied().filter(|y| y.is_finite())).1.abs().max(1e-6);
@@ -258,9 +310,8 @@ fn candidate(effect: ForceEffect, data: &Measurements) -> Candidate {
         Some(highest) => [1.0, 0.3, 0.1, 0.03].map(|part| part * highest).to_vec(),
         None => vec![1.0],
     };
-    let joints: Vec<f64> = if n == 1 { vec![0.0] } else { (1..=n).map(|joint| joint as f64).collect() };
     let mut starts = Vec::new();
-    for &joint in &joints {
+    for &joint in joints {
         for velocity in &velocities {
             let mut start = neutral.clone();
             start[0] = joint;

@@ -10,6 +10,7 @@ mod snake;
 mod snake_candidates;
 
 pub use force::ForceLab;
+pub(crate) use force::OneJoint;
 pub(crate) use free_joints::{FreeJoints, Freed, freed, joint_number};
 pub(crate) use geometry::{is_geometry, with_geometry};
 pub use joints::JointsLab;
@@ -139,6 +140,11 @@ pub trait MachineUnderTest: Sync {
     /// [`LabError::Tip`] where the positions make no bends, [`LabError::Chain`] where the model as given cannot be computed.
     fn bends_of_tip(&self, data: Measurements) -> Result<Measurements, LabError> {
         Ok(data)
+    }
+
+    /// As a machine of kind force.
+    fn as_force(&self) -> Option<&ForceLab> {
+        None
     }
 
     /// This machine, if it is one of joints.

@@ -8,8 +8,8 @@
 
 use super::ReadError;
 use super::check::Place;
-use crate::Measurements;
 use crate::noise::bounds;
+use crate::{Measurements, Names};
 use krait_model::model_file::ForceMachine;
 use std::path::PathBuf;
 
@@ -103,30 +103,50 @@ pub(super) fn prepare(place: &Place, data: Measurements, machine: &ForceMachine)
     for section in &sections {
         out.add(&data, section, step_s, &kernels, stride, &loads);
     }
-    let row_noise = row_noise(&data);
-    Ok(out.into_measurements(data, 1.0 / (step_s * sigma / SIGMA_OF_PERIOD), row_noise))
+    let row_noise: Vec<f64> = (0..n).map(|joint| row_noise(&data, joint)).collect();
+    Ok(out.into_measurements(data, 1.0 / (step_s * sigma / SIGMA_OF_PERIOD), &row_noise))
 }
 
-/// Standard deviation of what changes from row to row of the forces before the filter: third differences, root mean square over 20.
-fn row_noise(data: &Measurements) -> f64 {
+/// Standard deviation of what changes from row to row of a joint's force before the filter: third differences, root mean square over 20.
+fn row_noise(data: &Measurements, joint: usize) -> f64 {
     let n = data.n_outputs;
     let (mut sum, mut count) = (0.0, 0.0);
     for row in (3..data.n_rows()).filter(|row| (0..3).all(|back| !data.starts_trial(row - back))) {
-        for joint in 0..n {
-            let at = |back: usize| data.outputs[(row - back) * n + joint];
-            let third = at(0) - 3.0 * at(1) + 3.0 * at(2) - at(3);
-            if third.is_finite() {
-                sum += third * third / 20.0;
-                count += 1.0;
-            }
+        let at = |back: usize| data.outputs[(row - back) * n + joint];
+        let third = at(0) - 3.0 * at(1) + 3.0 * at(2) - at(3);
+        if third.is_finite() {
+            sum += third * third / 20.0;
+            count += 1.0;
         }
     }
     (sum / f64::max(count, 1.0)).sqrt()
 }
 
-/// What the rows of filtered forces scattered by before the filter, in the forces' unit; `None` for other measurements.
+/// One joint of filtered measurements, as the only joint of a machine.
+pub(crate) fn of_joint(data: &Measurements, joint: usize) -> Measurements {
+    let one = |values: &[f64], n: usize| values.iter().skip(joint).step_by(n).copied().collect();
+    let name = |names: &[String]| names.get(joint).cloned().into_iter().collect();
+    let is_of_some = |name: &str| COLUMNS.iter().any(|what| (0..data.n_outputs).any(|own| name == column(what, own)));
+    let mut extra: Vec<(String, Vec<f64>)> = data.extra.iter().filter(|(name, _)| !is_of_some(name)).cloned().collect();
+    let own = COLUMNS.iter().filter_map(|what| Some((column(what, 0), data.extra(&column(what, joint))?.to_vec())));
+    extra.extend(own);
+    Measurements {
+        inputs: one(&data.inputs, data.n_inputs),
+        n_inputs: 1,
+        outputs: one(&data.outputs, data.n_outputs),
+        n_outputs: 1,
+        names: Names { inputs: name(&data.names.inputs), outputs: name(&data.names.outputs) },
+        extra,
+        ..data.clone()
+    }
+}
+
+/// What the rows of filtered forces scattered by before the filter, in the forces' unit, root mean square over the joints; `None` for other
+/// measurements.
 pub(crate) fn scatter_before_filter(data: &Measurements) -> Option<f64> {
-    data.extra(ROW_NOISE)?.first().copied()
+    let of = |joint| data.extra(&column(ROW_NOISE, joint))?.first().map(|noise| noise * noise);
+    let squares = (0..data.n_outputs).map(of).collect::<Option<Vec<f64>>>()?;
+    Some((squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt())
 }
 
 /// Standard deviation in time of the filter that these forces passed, s; `None` for other measurements.
@@ -304,11 +324,13 @@ impl Filtered {
                 continue;
             }
             let directions: Vec<f64> = columns.iter().map(|(.., signs)| smooth(signs)).collect();
-            let is_moving = directions.iter().all(|s| s.abs() >= ONE_SIGN);
+            let is_moving = |joint: usize| f64::abs(directions[joint]) >= ONE_SIGN;
             self.time_s.push(start_s + middle as f64 * step_s);
             self.trial.push(section.trial);
             self.angles.extend(&angles);
-            self.forces.extend(columns.iter().map(|(_, force, ..)| if is_moving { smooth(force) } else { f64::NAN }));
+            let forces = columns.iter().enumerate();
+            self.forces
+                .extend(forces.map(|(joint, (_, force, ..))| if is_moving(joint) { smooth(force) } else { f64::NAN }));
             let mut own = Vec::with_capacity(self.extra.len());
             for ((q, _, load, _), direction) in columns.iter().zip(directions) {
                 own.push(kernels.apply(&kernels.slope, q, middle) / step_s);
@@ -320,11 +342,12 @@ impl Filtered {
         }
     }
 
-    fn into_measurements(self, data: Measurements, cut_off_hz: f64, row_noise: f64) -> Measurements {
+    fn into_measurements(self, data: Measurements, cut_off_hz: f64, row_noise: &[f64]) -> Measurements {
         let n_rows = self.time_s.len();
         let mut extra = self.extra;
         extra.push((CUT_OFF_HZ.to_owned(), vec![cut_off_hz; n_rows]));
-        extra.push((ROW_NOISE.to_owned(), vec![row_noise; n_rows]));
+        let of_joint = |(joint, noise): (usize, &f64)| (column(ROW_NOISE, joint), vec![*noise; n_rows]);
+        extra.extend(row_noise.iter().enumerate().map(of_joint));
         Measurements {
             time_s: self.time_s,
             inputs: self.angles,
@@ -342,8 +365,10 @@ impl Filtered {
 
 /// Name of the extra column that holds the filter's cut-off, Hz.
 pub(crate) const CUT_OFF_HZ: &str = "force.cut_off_hz";
-/// Name of the extra column that holds the scatter of the rows before the filter, in the forces' unit.
-const ROW_NOISE: &str = "force.row_noise";
+/// What the column holds that has the scatter of a joint's rows before the filter, in the forces' unit.
+const ROW_NOISE: &str = "row_noise";
+/// What the columns of a joint hold.
+const COLUMNS: [&str; 5] = ["speed", "acceleration", "direction", "load", ROW_NOISE];
 
 #[cfg(test)]
 mod tests {

@@ -13,13 +13,13 @@ const WEIGHT: &str =
     "[[effect]]\nkind = \"gravity\"\nsine = { value = 1.1, se = 0.05, from = \"drawing\", date = \"2026-11-01\" }\n";
 
 /// Angles, rad, and torques, Nm, of joints by textbook laws: joint k has inertia, weight and friction by its number.
-struct Made {
+pub(super) struct Made {
     n: usize,
-    angle_rad: Vec<f64>,
-    torque_nm: Vec<f64>,
+    pub(super) angle_rad: Vec<f64>,
+    pub(super) torque_nm: Vec<f64>,
 }
 
-fn made(n: usize, seed: u64) -> Made {
+pub(super) fn made(n: usize, seed: u64) -> Made {
     let mut noise = Noise(seed);
     let phases: Vec<f64> = (0..4 * n).map(|_| 3.0 * noise.normal()).collect();
     let mut own = Made { n, angle_rad: Vec::new(), torque_nm: Vec::new() };
@@ -52,13 +52,19 @@ fn made(n: usize, seed: u64) -> Made {
 impl Made {
     /// The diagnosis of these columns, where `effects` stand in the model file; at most one effect, as columns come first.
     fn said(self, effects: &str) -> Diagnosis {
+        let options = DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() };
+        self.diagnosed(effects, &options)
+    }
+
+    /// The diagnosis of these columns, where `effects` stand in the model file.
+    pub(super) fn diagnosed(self, effects: &str, options: &DiagnoseOptions) -> Diagnosis {
         let model = format!("format = 1\n[machine]\nkind = \"force\"\nn = {}\nunit = \"Nm\"\n{effects}", self.n);
         let machine = ForceLab::new(&ModelFile::parse(&model).expect("a model")).expect("of kind force");
         let time_s = (0..ROWS).map(|row| STEP_S * row as f64).collect();
         let (angles, torques) = ((self.angle_rad, self.n), (self.torque_nm, self.n));
         let data = Measurements::bare("made.csv".to_owned(), Quantity::Force, time_s, angles, torques);
         let data = machine.filtered(data).expect("it moves");
-        diagnose(&machine, &data, &DiagnoseOptions { max_effects: 1, ..DiagnoseOptions::default() }).expect("computed")
+        diagnose(&machine, &data, options).expect("computed")
     }
 
     fn with_angles(mut self, factor: f64) -> Self {

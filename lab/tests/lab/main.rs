@@ -6,6 +6,7 @@ mod compare;
 mod diagnose;
 mod experiment;
 mod force_columns;
+mod force_joints;
 mod held_frames;
 mod init;
 mod init_columns;

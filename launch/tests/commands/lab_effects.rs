@@ -63,6 +63,29 @@ fn a_formula_that_is_offered_is_found_and_the_printed_command_adds_it() {
     let left = json(&format!("lab diagnose --model {better} --data {data} --json"));
     assert_eq!(left["verdict"], "none", "{left}");
 
+    // The same by its name in the file, and the library's effect where the file has none of that name.
+    let short = folder.join("short.toml").display().to_string();
+    let added = json(&format!("lab add bump --effects {own} {files} --set a=0.02 --json --out {short}"));
+    let (by_name, by_text) = (&added["params"]["a"]["value"], &found["effects"][0]["params"]["a"]["value"]);
+    let differ = by_name.as_f64().unwrap() / by_text.as_f64().unwrap() - 1.0;
+    assert!(differ.abs() < 0.05, "{added} beside {found}");
+    let text = fs::read_to_string(&short).unwrap();
+    assert!(text.contains("kind = \"formula\"") && text.contains("name = \"bump\""), "{text}");
+    let cubic =
+        json(&format!("lab add cubic --effects {own} {files} --json --out {}", folder.join("cubic.toml").display()));
+    assert_eq!(cubic["effect"], "cubic", "{cubic}");
+    for (more, words) in [
+        ("--set b=1", "the formula bump of"),
+        ("--set joint=2", "one of 1 to 1, found 2"),
+        ("--hook joint", "leave them out"),
+    ] {
+        let refused =
+            krait(&format!("lab add bump --effects {own} {files} {more} --out {}", folder.join("no.toml").display()));
+        let why = String::from_utf8(refused.stderr).unwrap();
+        assert!(!refused.status.success() && why.contains(words) && why.lines().count() == 1, "{more}: {why}");
+    }
+    assert!(!folder.join("no.toml").exists());
+
     let refused = krait(&format!("lab diagnose {files} --effects {model}"));
     let why = String::from_utf8(refused.stderr).unwrap();
     assert!(!refused.status.success() && why.contains("no effect of kind formula"), "{why}");

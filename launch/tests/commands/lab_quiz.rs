@@ -47,8 +47,12 @@ fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
     );
     assert_eq!(said["guessed"][0]["worth"], "wrong", "{said}");
     assert!(said["guessed"][0]["is_near"].is_boolean() && said["n_unnamed"] == 1 && said["n_hidden"] == 1, "{said}");
+    let named = json(&guessed(right[0]));
+    let title = named["titles"][0].as_str().unwrap();
+    assert!(title.contains(": ") && title.chars().any(|c| c.is_ascii_digit()), "with its size: {title}");
     let told = krait(&["lab", "check", "--data", data, "--give-up"]);
-    assert!(told.status.code() == Some(0) && String::from_utf8_lossy(&told.stdout).contains(right[0].as_str()));
+    let said = String::from_utf8_lossy(&told.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told.status.code() == Some(0) && said.contains(right[0].as_str()) && said.contains(title), "{said}");
     let nonsense = guessed("backlsh");
     assert_eq!(nonsense.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&nonsense.stderr).contains("did you mean backlash?"));

@@ -24,6 +24,8 @@ use nalgebra::DMatrix;
 const MAX_ROUNDS: usize = 6;
 /// Trials of a bracket, and of the search in it, at most.
 const MAX_TRIALS: usize = 60;
+/// So many trials of a bracket suffice where nothing has an edge.
+const SOON: usize = 6;
 /// A position nearer than this to the wanted one is reached: part of 1 + its size, in units of u.
 const REACHED: f64 = 1e-10;
 
@@ -300,13 +302,15 @@ impl JointCompensator {
         if f_b.signum() == f_a.signum() && f_b.abs() > near {
             return Found { u: best, is_reached: false };
         }
-        // Illinois' false position: a secant that cannot get stuck at one end, halved where that does not help.
+        // Illinois' false position: a secant that cannot get stuck at one end; halved in turn where that does not help, as just behind
+        // the edge of a play, before which nothing changes.
         for k in 0..MAX_TRIALS {
             if f_b.abs() <= near {
                 return Found { u: b, is_reached: true };
             }
             let secant = b - f_b * (b - a) / (f_b - f_a);
-            let c = if k % 8 == 7 || !secant.is_finite() { 0.5 * (a + b) } else { secant };
+            let is_slow = k >= SOON && k % 2 == 1;
+            let c = if is_slow || !secant.is_finite() { 0.5 * (a + b) } else { secant };
             let f_c = miss(c);
             if f_c.signum() == f_b.signum() {
                 f_a *= 0.5;

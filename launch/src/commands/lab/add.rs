@@ -11,7 +11,8 @@ use krait_bridge::LiveModel;
 use krait_lab::machine::MachineUnderTest;
 use krait_lab::report::added_page;
 use krait_lab::{
-    AddOptions, Added, Measurements, Session, Term, add, disagreements, drawn_away, fitted_to, refit as fit_again, save,
+    AddOptions, Added, Measurements, Session, Term, add, disagreements, drawn_away, fitted_to, offered, open_model,
+    refit as fit_again, save,
 };
 use krait_model::effects::{FormulaColumn, FormulaParameter, FormulaText, Hook, Inverse, Varying};
 use krait_model::model_file::{FileEffect, Known, Machine, ModelFile};
@@ -25,7 +26,10 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, "toml", args.force)?;
     stages::tell();
     let session = open(&args.files)?;
-    let term = term(args, session.machine.as_ref(), &session.data)?;
+    let term = match of_file(args, session.file.machine())? {
+        Some(own) => own,
+        None => term(args, session.machine.as_ref(), &session.data)?,
+    };
     let label = term.label().to_owned();
     let from_given = args.set.iter().any(|(name, _)| is_start(name)) || term.formula.is_some();
     // A name with a point is a number of the model's own, which is fitted again.
@@ -98,12 +102,50 @@ fn open(files: &LabFiles) -> anyhow::Result<Session> {
     files.session()
 }
 
+/// The formula of this name in the file of `--effects`, with its starting values; `None` where the library's effect is meant.
+fn of_file(args: &AddArgs, machine: &Machine) -> anyhow::Result<Option<Term>> {
+    let Some(path) = &args.effects else { return Ok(None) };
+    let all = offered(path, &open_model(path)?, machine)?;
+    let Some(own) = all.into_iter().find(|own| own.name() == args.effect) else { return Ok(None) };
+    if is_formula_said(args) || args.by.is_some() {
+        bail!(
+            "--formula, --hook, --param, --column and --by say what {} of {} says itself; leave them out",
+            args.effect,
+            path.display()
+        );
+    }
+    let n_joints = if let Machine::Joints(joints) = machine { joints.n } else { 1 };
+    let said = args.set.iter().find(|(name, _)| name == "joint").map(|(_, value)| *value);
+    let joint = match said {
+        None if n_joints == 1 => 0,
+        Some(number) if (1..=n_joints).any(|joint| joint as f64 == number) => number as usize - 1,
+        _ => bail!(
+            "{} of {}: expected --set joint=NUMBER, one of 1 to {n_joints}, found {}; say which joint has it",
+            args.effect,
+            path.display(),
+            said.map_or("none".to_owned(), |number| number.to_string())
+        ),
+    };
+    let value = |name: &str| args.set.iter().find(|(own, _)| own == name).map(|(_, value)| *value);
+    let term = own.term(joint, value);
+    let has = |name: &str| {
+        name == "joint" || term.formula.iter().any(|text| text.parameters.iter().any(|own| own.name == name))
+    };
+    if let Some((name, _)) = args.set.iter().find(|(name, _)| !has(name)) {
+        bail!("--set {name}: the formula {} of {} has no such parameter; leave it out", args.effect, path.display());
+    }
+    Ok(Some(term))
+}
+
+/// Whether options describe a formula.
+fn is_formula_said(args: &AddArgs) -> bool {
+    args.formula.is_some() || args.hook.is_some() || !args.param.is_empty() || !args.column.is_empty()
+}
+
 /// The effect with its starting values.
 fn term(args: &AddArgs, machine: &dyn MachineUnderTest, data: &Measurements) -> anyhow::Result<Term> {
     let formula = if args.effect == "formula" { Some(formula(args)?) } else { None };
-    let for_formulas =
-        args.formula.is_some() || args.hook.is_some() || !args.param.is_empty() || !args.column.is_empty();
-    if formula.is_none() && for_formulas {
+    if formula.is_none() && is_formula_said(args) {
         bail!(
             "--formula, --hook, --param and --column belong to the effect formula, and {} was asked for; leave them out",
             args.effect

@@ -5,9 +5,10 @@ use crate::cli_lab_data::{CheckArgs, QuizArgs};
 use crate::print;
 use anyhow::{Context, bail, ensure};
 use krait_ipc::{clock, input};
+use krait_lab::diagnose::titled;
 use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, base_model, generate, is_unmodified};
 use krait_lab_benchmark::segments::SegmentsQuiz;
-use krait_model::effects::{EffectKind, Explanation, Hook, SegmentEffect, explanation};
+use krait_model::effects::{Definition, EffectKind, Hook, SegmentEffect, explanation};
 use krait_model::{meant_name, nearest_name};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -50,7 +51,7 @@ fn question(machine: &str, choices: &[String], sealed: &Sealed) -> String {
     let (model, data) = (sealed.model.display(), sealed.data.display());
     let mut text = format!("The model in {model} lacks one effect, which the {machine} in {data} has. Which one?\n\n");
     for name in choices {
-        text += &in_words(name);
+        text += &in_words(name, titled(name, None));
     }
     text + &format!(
         "\nLook:  krait lab compare --model {model} --data {data} --report look.html\n\
@@ -114,6 +115,7 @@ fn judged(
     if is_told && let Value::Object(keys) = &mut all {
         let hidden: Vec<&String> = answer.right.iter().filter_map(|own| own.first()).collect();
         keys.insert("explanations".to_owned(), hidden.iter().map(|name| json!(explanation(name))).collect());
+        keys.insert("titles".to_owned(), hidden.iter().map(|name| json!(title_of(answer, name))).collect());
         keys.insert("hidden".to_owned(), json!(hidden));
         keys.insert("effect_rms_deg".to_owned(), json!(answer.effect_rms_deg));
         keys.insert("noise_rms_deg".to_owned(), json!(answer.noise_rms_deg));
@@ -154,7 +156,7 @@ fn verdict(
         "Hidden: {}; it moves the picture by {:.2} deg (rms), beside a noise of {:.2} deg.\n",
         answer.kind, answer.effect_rms_deg, answer.noise_rms_deg
     );
-    answer.right.iter().filter_map(|own| own.first()).for_each(|name| text += &in_words(name));
+    answer.right.iter().filter_map(|own| own.first()).for_each(|name| text += &in_words(name, title_of(answer, name)));
     text
 }
 
@@ -170,10 +172,21 @@ fn how_far(right: &[String], wrong: &[String], n_hidden: usize, n_unnamed: usize
     text
 }
 
+fn definition_of(effect: &str) -> Option<&'static Definition> {
+    let of_one = || SegmentEffect::from_name(effect).map(SegmentEffect::definition);
+    EffectKind::from_name(effect).map(EffectKind::definition).or_else(of_one)
+}
+
 /// Where an effect acts.
 fn hook_of(effect: &str) -> Option<Hook> {
-    let of_one = || SegmentEffect::from_name(effect).map(SegmentEffect::definition);
-    EffectKind::from_name(effect).map(EffectKind::definition).or_else(of_one).map(|own| own.hook)
+    definition_of(effect).map(|own| own.hook)
+}
+
+/// What people call a hidden effect, with its size where the plant says it as a parameter of the effect.
+fn title_of(answer: &Answer, effect: &str) -> Option<String> {
+    let known = answer.known.get(effect);
+    let parameters = definition_of(effect).map_or(&[][..], |own| own.parameters);
+    titled(effect, parameters.iter().find_map(|own| Some((own.name, own.unit, *known?.get(own.name)?))))
 }
 
 impl Guessed {
@@ -235,7 +248,7 @@ fn effect_named(said: &str) -> anyhow::Result<&'static str> {
     bail!("--guess {said:?} is no effect of a snake or of segments; did you mean {nearest}?")
 }
 
-fn in_words(name: &str) -> String {
-    let said = |own: Explanation| format!("{name}: {}. {}", own.title, own.what);
-    print::paragraph(&explanation(name).map_or_else(|| name.to_owned(), said))
+fn in_words(name: &str, title: Option<String>) -> String {
+    let words = title.zip(explanation(name)).map(|(title, own)| format!("{name}: {title}. {}", own.what));
+    print::paragraph(&words.unwrap_or_else(|| name.to_owned()))
 }
