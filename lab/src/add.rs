@@ -85,15 +85,13 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
     let of_joints = freed.as_ref().map(|own| AddOptions { refit: own.others.clone(), ..options.clone() });
     let options = of_joints.as_ref().unwrap_or(options);
     let machine = freed.as_ref().map_or(machine, |own| &own.joints as &dyn MachineUnderTest);
+    let asked = freed.as_ref().map_or(Vec::new(), |own| own.numbers.clone());
     if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty())
         && let Some(added) = crate::joint::add(joints, data, options)?
     {
-        let mut added = with_own(joints, data, options, added)?;
-        let asked = freed.as_ref().map_or(&[][..], |own| &own.numbers);
-        added.joint_numbers = joint_numbers(joints, &added.calibration);
-        added.joint_numbers.retain(|own| asked.contains(&(own.is_offset, own.joint)));
-        return Ok(added);
+        return with_own(joints, data, options, added, &asked, Ground::frees_own);
     }
+    let joints = machine.as_joints();
     let calibrated = machine.as_joints().map(|joints| crate::joint::calibrated(joints, data)).transpose()?;
     let machine = calibrated.as_ref().map_or(machine, |joints| joints as &dyn MachineUnderTest);
     let bench = Bench::new(machine, data)?;
@@ -108,22 +106,41 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
         Some(candidate) => bench.on_grid(&candidate, &again)?,
         None => bench.near_values(&options.term, &parameters, &free, again)?,
     };
-    Ok(bench.report(fitted))
+    let alone = bench.report(fitted);
+    match joints {
+        // Gains and offsets were held where they are best without the effect.
+        Some(joints) => with_own(joints, data, options, alone, &asked, Ground::is_open),
+        None => Ok(alone),
+    }
 }
 
 /// Fits the new effect of joints again, from what was found with the model's own effects held, together with those of their values
-/// that are free or known with a standard error, and with gains and offsets.
-fn with_own(joints: &JointsLab, data: &Measurements, options: &AddOptions, alone: Added) -> Result<Added, LabError> {
-    let start = Start { terms: &alone.terms, variables: &alone.variables };
+/// that are free or known with a standard error, and with gains and offsets; `is_again` says whether that changes anything, and `asked`
+/// names the gains and offsets that go into the file.
+fn with_own(
+    joints: &JointsLab,
+    data: &Measurements,
+    options: &AddOptions,
+    alone: Added,
+    asked: &[(bool, usize)],
+    is_again: fn(&Ground) -> bool,
+) -> Result<Added, LabError> {
+    let n_own = joints.effects().len();
+    let of_new: Vec<Variable> = alone.variables.iter().filter(|own| own.effect >= n_own).cloned().collect();
+    let start = Start { terms: &alone.terms, variables: &of_new };
     let ground = start.ground(joints, data, &options.refit, &options.recordings)?;
-    if !ground.frees_own() {
-        return Ok(alone);
-    }
-    let Ground { joints, calibration, effects, variables } = ground;
-    let machine = FreeJoints::new(&joints, data, &calibration, &options.recordings);
-    let bench = Bench::new(&machine, data)?;
-    let found = bench.report(fit_to_end(&bench.problem, &effects, &variables)?);
-    Ok(without_machine(&machine, Added { before: alone.before, ..found }, calibration))
+    let mut added = if is_again(&ground) {
+        let Ground { joints, calibration, effects, variables } = ground;
+        let machine = FreeJoints::new(&joints, data, &calibration, &options.recordings);
+        let bench = Bench::new(&machine, data)?;
+        let found = bench.report(fit_to_end(&bench.problem, &effects, &variables)?);
+        without_machine(&machine, Added { before: alone.before, ..found }, calibration)
+    } else {
+        alone
+    };
+    added.joint_numbers = joint_numbers(joints, &added.calibration);
+    added.joint_numbers.retain(|own| asked.contains(&(own.is_offset, own.joint)));
+    Ok(added)
 }
 
 /// What was fitted, with gains and offsets as calibration.

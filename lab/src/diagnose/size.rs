@@ -36,9 +36,8 @@ fn in_words(name: &str, unit: &str, value: f64) -> String {
         "1" => three_digits(value),
         other => format!("{} {other}", three_digits(value)),
     };
-    // The name without its unit: the number has one behind it.
-    let bare = ["_m", "_rad", "_s", "_n", "_nm"].iter().find_map(|unit| name.strip_suffix(unit));
-    match bare.unwrap_or(name) {
+    match without_unit(name) {
+        "" => with_unit(value),
         "half_width" => format!("{} in all", with_unit(2.0 * value)),
         "eta" => {
             let word = if value < 1.0 { "softer" } else { "stiffer" };
@@ -51,6 +50,14 @@ fn in_words(name: &str, unit: &str, value: f64) -> String {
         bare if SAID_BY_TITLE.contains(&bare) => with_unit(value),
         bare => format!("{} {}", bare.replace('_', " "), with_unit(value)),
     }
+}
+
+/// A parameter's name without its unit: the number has one behind it. One that is a unit and no more is nothing.
+fn without_unit(name: &str) -> &str {
+    if let Some((front, _)) = name.split_once("_per_") {
+        return front.rsplit_once('_').map_or("", |(own, _)| own);
+    }
+    ["_m", "_rad", "_s", "_n", "_nm"].iter().find_map(|unit| name.strip_suffix(unit)).unwrap_or(name)
 }
 
 /// A number with three digits that count.
@@ -103,6 +110,8 @@ mod tests {
             ("static-friction", ("f_s_n", 1.959, "N"), "static friction: 1.96 N"),
             ("latency", ("delay_s", 0.012, "s"), "delay: 0.0120 s"),
             ("cone-friction", ("mu", 0.1727, "1"), "friction round a bend of the line: mu 0.173"),
+            ("twist", ("rad_per_rad", 0.0437, "rad/rad"), "the snake twists: 0.0437 rad/rad"),
+            ("actuator-compliance", ("compliance_m_per_n", 5.986e-6, "m/N"), "drives give way: compliance 5.99e-6 m/N"),
         ] {
             let (key, value, unit) = parameter;
             let parameters = [("joint", 2.0, "1", false), (key, value, unit, true)];

@@ -63,6 +63,11 @@ impl Ground {
     pub fn frees_own(&self) -> bool {
         self.variables.iter().any(|own| own.effect < self.joints.effects().len())
     }
+
+    /// Whether something of the model's own is: an effect's value, a gain or an offset.
+    pub fn is_open(&self) -> bool {
+        self.frees_own() || self.calibration.iter().any(|own| !own.is_held)
+    }
 }
 
 impl Start<'_> {

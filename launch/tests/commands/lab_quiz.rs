@@ -49,7 +49,6 @@ fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
     assert!(said["guessed"][0]["is_near"].is_boolean() && said["n_unnamed"] == 1 && said["n_hidden"] == 1, "{said}");
     let named = json(&guessed(right[0]));
     let title = named["titles"][0].as_str().unwrap();
-    assert!(title.contains(": ") && title.chars().any(|c| c.is_ascii_digit()), "with its size: {title}");
     let told = krait(&["lab", "check", "--data", data, "--give-up"]);
     let said = String::from_utf8_lossy(&told.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(told.status.code() == Some(0) && said.contains(right[0].as_str()) && said.contains(title), "{said}");
@@ -62,6 +61,23 @@ fn a_riddle_is_asked_guessed_and_told_and_a_changed_one_is_refused() {
     let refused = guessed(right[0]);
     assert_eq!(refused.status.code(), Some(2), "{refused:?}");
     assert!(String::from_utf8_lossy(&refused.stderr).contains("was changed"), "{refused:?}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Seed 2 hides a compliance, which is a parameter of its effect.
+#[test]
+fn an_answer_says_how_large_the_effect_is() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("quiz-size-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let data = folder.join("riddle.csv");
+    let data = data.to_str().unwrap();
+    assert_eq!(krait(&["lab", "quiz", "--seed", "2", "--out", data]).status.code(), Some(0));
+    let told = krait(&["lab", "check", "--data", data, "--give-up", "--json"]);
+    let answer: Value = serde_json::from_slice(&std::fs::read(folder.join("riddle.answer.json")).unwrap()).unwrap();
+    let hidden = json(&told)["hidden"][0].as_str().unwrap().to_owned();
+    let known = answer[0]["known"][&hidden].as_object().unwrap().values().next().unwrap().as_f64().unwrap();
+    let title = json(&told)["titles"][0].as_str().unwrap().to_owned();
+    assert!(title.contains(&format!("{known:.2e}")), "{hidden}: {title}, {known}");
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
