@@ -103,7 +103,7 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
     let again = free_variables(machine, data, &options.refit)?;
     stage("Fitting the effect");
     let fitted = match known.filter(|_| !options.from_given && options.free.is_empty()) {
-        Some(candidate) => bench.on_grid(&candidate, &again)?,
+        Some(candidate) => bench.on_grid(&of_asked_joint(machine, candidate, &options.term), &again)?,
         None => bench.near_values(&options.term, &parameters, &free, again)?,
     };
     let alone = bench.report(fitted);
@@ -112,6 +112,15 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
         Some(joints) => with_own(joints, data, options, alone, &asked, Ground::is_open),
         None => Ok(alone),
     }
+}
+
+/// A force's effect on the joint that is asked for; on the one where it helps most where none is.
+fn of_asked_joint(machine: &dyn MachineUnderTest, mut candidate: Candidate, term: &Term) -> Candidate {
+    if let Some(joint) = term.values.first().copied().filter(|joint| machine.as_force().is_some() && *joint > 0.0) {
+        candidate.starts.retain(|start| start[0] == 0.0 || start[0] == joint);
+        candidate.starts.iter_mut().for_each(|start| start[0] = joint);
+    }
+    candidate
 }
 
 /// Fits the new effect of joints again, from what was found with the model's own effects held, together with those of their values

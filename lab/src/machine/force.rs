@@ -262,7 +262,10 @@ impl MachineUnderTest for ForceLab {
             return Ok(own);
         }
         let own = kind(&term.name)?.definition().parameters.iter().map(snake::own_parameter);
-        Ok(own.map(|parameter| Parameter { unit: self.unit(&parameter.unit), ..parameter }).collect())
+        let last = self.only.map_or(self.machine.n, |number| number + 1) as f64;
+        let high = |own: &Parameter| if own.name == "joint" { last } else { own.high };
+        let with_unit = |own: Parameter| Parameter { unit: self.unit(&own.unit), high: high(&own), ..own };
+        Ok(own.map(with_unit).collect())
     }
 
     fn open_numbers(&self) -> Vec<OpenNumber> {

@@ -58,13 +58,19 @@ impl Made {
 
     /// The diagnosis of these columns, where `effects` stand in the model file.
     pub(super) fn diagnosed(self, effects: &str, options: &DiagnoseOptions) -> Diagnosis {
+        let (machine, data) = self.filtered(effects);
+        diagnose(&machine, &data, options).expect("computed")
+    }
+
+    /// The machine, where `effects` stand in its model file, and its measurements.
+    pub(super) fn filtered(self, effects: &str) -> (ForceLab, Measurements) {
         let model = format!("format = 1\n[machine]\nkind = \"force\"\nn = {}\nunit = \"Nm\"\n{effects}", self.n);
         let machine = ForceLab::new(&ModelFile::parse(&model).expect("a model")).expect("of kind force");
         let time_s = (0..ROWS).map(|row| STEP_S * row as f64).collect();
         let (angles, torques) = ((self.angle_rad, self.n), (self.torque_nm, self.n));
         let data = Measurements::bare("made.csv".to_owned(), Quantity::Force, time_s, angles, torques);
         let data = machine.filtered(data).expect("it moves");
-        diagnose(&machine, &data, options).expect("computed")
+        (machine, data)
     }
 
     fn with_angles(mut self, factor: f64) -> Self {

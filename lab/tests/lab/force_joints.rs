@@ -2,7 +2,7 @@
 
 use super::force_columns::{Made, made};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict};
-use krait_lab::offered;
+use krait_lab::{AddOptions, Term, add, offered};
 use krait_model::model_file::ModelFile;
 use std::path::Path;
 
@@ -89,4 +89,21 @@ fn what_the_model_has_of_one_joint_stays_and_a_formula_is_found_on_the_joint_tha
     assert_eq!(kept[1], ("inertia", &[1.0, 0.05][..]), "{kept:?}");
     let rub = diagnosis.effects.iter().find(|own| own.name == "rub").expect("named");
     assert!(diagnosis.term_of(rub).is_some(), "its term is found by its name and joint");
+}
+
+/// The large joint would gain more by it. What else a joint has makes its weight half right.
+#[test]
+fn an_effect_is_added_on_the_joint_that_is_asked_for() {
+    let (machine, data) = two_joints(3, |_, _| 0.0).filtered("");
+    let added = |joint: f64| {
+        let term = Term::new("gravity", vec![joint, 0.0, 0.0]);
+        let options =
+            AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() };
+        add(&machine, &data, &options).expect("fitted").terms.pop().expect("an effect")
+    };
+    for (joint, size) in [(1.0, 1.2), (2.0, 1.2 * 0.7 * SMALL)] {
+        let own = added(joint);
+        assert!(own.values[0] == joint && (own.values[1] / size - 1.0).abs() < 0.5, "{own:?} beside {size}");
+    }
+    assert_eq!(added(0.0).values[0], 1.0, "without a joint, where it helps most");
 }
