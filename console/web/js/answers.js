@@ -1,5 +1,5 @@
 // What the lab's answers are made of on the page: tiles, bars by circumstance, cards of effects, tables of values.
-import { make } from './format.js';
+import { make, sign } from './format.js';
 import { sketch } from './pictures.js';
 import { tile } from './work.js';
 
@@ -26,7 +26,7 @@ export const titled = own => own.title ? `${own.effect}: ${own.title}` : own.eff
 
 /// An effect with its words, its sketch and its values; `choose` hears which of those that look alike is meant, and `chosen` is its name.
 export function effectCard(own, chosen, choose, deg) {
-  const values = Object.entries(own.params).filter(([, value]) => value.free !== false).map(([name, value]) => make('tr', '', make('th', '', name), make('td', 'n', `${value.value.toPrecision(3)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(1)}`)));
+  const values = Object.entries(own.params).filter(([, value]) => value.free !== false).map(([name, value]) => make('tr', '', make('th', '', name), make('td', 'n', `${value.value.toPrecision(3)}${sign(value.unit)}`), make('td', 'n', `± ${value.se.toPrecision(1)}`)));
   const others = own.class.filter(name => name !== own.effect);
   const words = own.explanation ? [make('p', '', own.explanation.what), make('p', '', make('b', '', 'To check on the machine: '), own.explanation.check)] : [];
   if (own.sketch) words.splice(1, 0, sketch(own.sketch));
@@ -48,5 +48,5 @@ export function effectCard(own, chosen, choose, deg) {
 export function valuesOf(answer) {
   const isBeside = Object.keys(answer.params).some(key => key.includes('.'));
   const named = key => isBeside && !key.includes('.') ? `${answer.effect}.${key}` : key;
-  return make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', named(key)), make('td', 'n', `${value.value.toPrecision(4)} ${value.unit}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))));
+  return make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', named(key)), make('td', 'n', `${value.value.toPrecision(4)}${sign(value.unit)}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))));
 }

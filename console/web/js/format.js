@@ -7,8 +7,8 @@ export const signed = (value, digits) => {
   const size = Math.abs(value).toFixed(digits);
   return (Number(size) === 0 ? FIGURE_SPACE : value < 0 ? MINUS : '+') + size;
 };
-/// How a unit is written behind a number.
-export const sign = unit => unit === 'deg' ? '°' : ` ${unit}`;
+/// How a unit is written behind a number; a pure number has none.
+export const sign = unit => unit === 'deg' ? '°' : unit === '1' ? '' : ` ${unit}`;
 export const thousands = n => String(n).replace(/\B(?=(\d{3})+$)/g, THIN);
 export const micros = us => us >= 1e6 ? `${(us / 1e6).toFixed(1)} s` : us >= 1000 ? `${(us / 1000).toFixed(1)} ms` : us >= 100 ? `${us.toFixed(0)} µs` : `${us.toFixed(1)} µs`;
 export const clock = s => {
