@@ -1,7 +1,9 @@
 //! What to do next: the motion that would separate effects that these data cannot tell apart.
 
-use super::Verdict;
 use super::families::{FAMILIES, OF_FORCE, OF_JOINTS, RICH_OF_FORCE, RICH_OF_JOINTS, WITH_LOADS, of_family};
+use super::gate::reversals;
+use super::{FoundEffect, Verdict};
+use crate::Problem;
 use crate::experiment::Experiment;
 use krait_model::effects::without_segment;
 
@@ -43,7 +45,7 @@ fn on_joint(class: &[String], joint: Option<usize>, instruction: &str) -> NextEx
 }
 
 /// The experiment for effects of a snake or of segments that look alike; `None` where there is nothing to separate.
-pub(super) fn separate(class: &[String], n_reversals: usize, has_loads: bool) -> Option<NextExperiment> {
+fn separate(class: &[String], n_reversals: usize, has_loads: bool) -> Option<NextExperiment> {
     if class.len() < 2 {
         return None;
     }
@@ -65,6 +67,21 @@ pub(super) fn separate(class: &[String], n_reversals: usize, has_loads: bool) ->
         None => rich.to_owned(),
     };
     Some(NextExperiment { separates: class.to_vec(), instruction, motion: None })
+}
+
+/// The experiment that a verdict on a snake, on segments or on a joint's force asks for.
+pub(super) fn asked_for(
+    problem: &Problem,
+    verdict: Verdict,
+    effects: &[FoundEffect],
+    looks_like: Option<&str>,
+) -> Option<NextExperiment> {
+    let (n_reversals, has_loads) = (reversals(&problem.data), problem.loads().is_some());
+    let own = |effect: &FoundEffect| match problem.machine.kind() {
+        "force" => separate_force(&effect.class, effect.joint),
+        _ => separate(&effect.class, n_reversals, has_loads),
+    };
+    next(verdict, || effects.iter().find_map(own), looks_like)
 }
 
 /// The experiment that a verdict asks for: what would tell the look-alikes apart, and where a rest remains what would show it.

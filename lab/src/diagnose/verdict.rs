@@ -212,16 +212,7 @@ impl Case<'_> {
             (false, true) => Verdict::None,
             (false, false) => Verdict::Missing,
         };
-        let n_reversals = gate::reversals(&problem.data);
-        let has_loads = problem.loads().is_some();
-        let is_force = problem.machine.kind() == "force";
-        let separating = || {
-            effects.iter().find_map(|own| match is_force {
-                true => experiment::separate_force(&own.class, None),
-                false => experiment::separate(&own.class, n_reversals, has_loads),
-            })
-        };
-        let next_experiment = experiment::next(verdict, separating, remaining.looks_like);
+        let next_experiment = experiment::asked_for(problem, verdict, &effects, remaining.looks_like);
         let candidates = self.candidates(&effects, scale);
         let loads = self.load_cells(start, &chosen)?;
         let mut cautions = gate::cautions(problem, self.n_outliers, true);
