@@ -39,18 +39,29 @@ pub(super) fn screen_beside(problem: &Problem, fit: &Fit, candidates: &[Candidat
 }
 
 fn cells(problem: &Problem, fit: &Fit, candidates: &[Candidate], basis: &[Vec<f64>]) -> Vec<Cell> {
-    let known = |c: &Candidate| fit.effects.iter().any(|term| term.label() == c.name);
+    let (n_own, of_joints) = (problem.machine.effects().len(), problem.machine.as_force().is_some());
+    // A force's effect that the model has on one joint may be missing on another one.
+    let known = |c: &Candidate, start: usize| {
+        let joint = |values: &[f64]| values.first().copied().filter(|joint| of_joints && *joint > 0.0);
+        let own = c.starts.get(start).and_then(|start| joint(start));
+        fit.effects.iter().enumerate().any(|(place, term)| {
+            let is_elsewhere = place < n_own && own.zip(joint(&term.values)).is_some_and(|(own, other)| own != other);
+            term.label() == c.name && !is_elsewhere
+        })
+    };
     let jobs: Vec<(usize, usize)> = candidates
         .iter()
         .enumerate()
-        .filter(|(_, c)| c.cannot.is_none() && c.periodic.is_none() && !known(c))
-        .flat_map(|(k, c)| (0..c.starts.len()).map(move |start| (k, start)))
+        .filter(|(_, c)| c.cannot.is_none() && c.periodic.is_none())
+        .flat_map(|(k, c)| {
+            (0..c.starts.len()).filter(|start| !known(c, *start)).map(|start| (k, start)).collect::<Vec<_>>()
+        })
         .collect();
     let mut cells: Vec<Cell> = jobs
         .into_par_iter()
         .filter_map(|(candidate, start)| cell(problem, fit, basis, &candidates[candidate], candidate, start))
         .collect();
-    let periodic = candidates.iter().enumerate().filter(|(_, c)| c.periodic.is_some() && !known(c));
+    let periodic = candidates.iter().enumerate().filter(|(_, c)| c.periodic.is_some() && !known(c, 0));
     cells.extend(periodic.flat_map(|(k, c)| super::periodic::cells(problem, fit, basis, c, k)));
     cells
 }

@@ -2,6 +2,7 @@
 
 use super::force_columns::{Made, made};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict};
+use krait_lab::machine::ForceLab;
 use krait_lab::{AddOptions, Term, add, offered};
 use krait_model::model_file::ModelFile;
 use std::path::Path;
@@ -95,15 +96,18 @@ fn what_the_model_has_of_one_joint_stays_and_a_formula_is_found_on_the_joint_tha
 #[test]
 fn an_effect_is_added_on_the_joint_that_is_asked_for() {
     let (machine, data) = two_joints(3, |_, _| 0.0).filtered("");
-    let added = |joint: f64| {
+    let has_one = "[[effect]]\nkind = \"gravity\"\njoint = 1\nsine = 1.2\n";
+    let (with_one, _) = two_joints(3, |_, _| 0.0).filtered(has_one);
+    let added = |machine: &ForceLab, joint: f64| {
         let term = Term::new("gravity", vec![joint, 0.0, 0.0]);
         let options =
             AddOptions { term, from_given: false, free: Vec::new(), refit: Vec::new(), recordings: Vec::new() };
-        add(&machine, &data, &options).expect("fitted").terms.pop().expect("an effect")
+        add(machine, &data, &options).expect("fitted").terms.pop().expect("an effect")
     };
-    for (joint, size) in [(1.0, 1.2), (2.0, 1.2 * 0.7 * SMALL)] {
-        let own = added(joint);
+    let small = 1.2 * 0.7 * SMALL;
+    for (machine, joint, size) in [(&machine, 1.0, 1.2), (&machine, 2.0, small), (&with_one, 2.0, small)] {
+        let own = added(machine, joint);
         assert!(own.values[0] == joint && (own.values[1] / size - 1.0).abs() < 0.5, "{own:?} beside {size}");
     }
-    assert_eq!(added(0.0).values[0], 1.0, "without a joint, where it helps most");
+    assert_eq!(added(&machine, 0.0).values[0], 1.0, "without a joint, where it helps most");
 }
