@@ -113,7 +113,8 @@ fn check_latency_and_samples(figures: &Value) {
     let samples = &figures["samples"];
     assert_eq!(samples["lost"], 0, "{samples}");
     assert_eq!(samples["sent"], samples["received"], "{samples}");
-    assert!(number(&samples["sent"]) > 38_000.0, "three passes of 14 s at 1 kHz: {samples}");
+    // Of 42,000: a busy machine makes the hand miss ticks; its rate is judged by the median period (`check_rates`).
+    assert!(number(&samples["sent"]) > 21_000.0, "three passes of 14 s at 1 kHz: {samples}");
 }
 
 /// What a replay needs, in the order of the recording.
@@ -145,12 +146,21 @@ fn read_channels(path: &Path) -> Channels {
     channels
 }
 
-fn check_rates(channels: &Channels) {
-    // The median period: the pauses between the passes, and a frame that a busy machine missed, do not count.
-    let mut periods_ns: Vec<i64> = channels.shapes_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
+/// Samples a second by the median period: the pauses between the passes, and a tick that a busy machine missed, do not count.
+fn median_hz(times_ns: &[i64]) -> f64 {
+    let mut periods_ns: Vec<i64> = times_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
     periods_ns.sort_unstable();
-    let shapes_hz = 1e9 / periods_ns[periods_ns.len() / 2] as f64;
+    1e9 / periods_ns[periods_ns.len() / 2] as f64
+}
+
+fn check_rates(channels: &Channels) {
+    let shapes_hz = median_hz(&channels.shapes_ns);
     assert!((59.0..61.0).contains(&shapes_hz), "the camera gives 60 shapes a second: {shapes_hz}");
+    let inputs_ns: Vec<i64> = channels.inputs.iter().map(|input| input.sample_ns).collect();
+    let inputs_hz = median_hz(&inputs_ns);
+    assert!((900.0..1100.0).contains(&inputs_hz), "the hand is read 1000 times a second: {inputs_hz}");
+    let span_ns = inputs_ns[inputs_ns.len() - 1] - inputs_ns[0];
+    assert!(span_ns >= 41_000_000_000, "three passes of 14 s each: {span_ns} ns");
     assert!(channels.states.len() >= channels.commands.len(), "encoders come with every command");
     let drained: u64 = channels.inputs.iter().map(|i| i.n_reports).max().unwrap_or(0);
     let is_tripped =

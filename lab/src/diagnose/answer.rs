@@ -8,6 +8,7 @@ use crate::camera::CameraOffset;
 use crate::clock::ClockOffset;
 use crate::machine::JointsLab;
 use crate::noise::NoiseFloor;
+use std::collections::BTreeSet;
 
 /// The answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -287,6 +288,17 @@ pub struct CandidateAnswer {
     pub p_value: f64,
     /// Why it was chosen, not chosen, or cannot be seen.
     pub state: String,
+}
+
+impl CandidateAnswer {
+    /// One answer for each name, the one that helps most; smallest error first.
+    pub(crate) fn best_of_each(mut all: Vec<Self>) -> Vec<Self> {
+        let rms = |own: &Self| own.heldout_rms.unwrap_or(f64::INFINITY);
+        all.sort_by(|a, b| rms(a).total_cmp(&rms(b)));
+        let mut names = BTreeSet::new();
+        all.retain(|own| names.insert(own.name));
+        all
+    }
 }
 
 /// What is left after the effects.

@@ -185,15 +185,8 @@ fn candidates(joints: &[Joint], effects: &[FoundEffect], before: f64) -> Vec<Can
                 |rms: f64| (before.powi(2) - joint.found.base_heldout_rms.powi(2) + rms.powi(2)).max(0.0).sqrt();
             let chosen = effects.iter().position(|effect| effect.name == own.name);
             let state = chosen.map_or_else(|| own.state.clone(), |n| format!("chosen, number {}", n + 1));
-            let answer = CandidateAnswer { heldout_rms: own.heldout_rms.map(of_all), state, ..own.clone() };
-            let rms = |own: &CandidateAnswer| own.heldout_rms.unwrap_or(f64::INFINITY);
-            match all.iter_mut().find(|other| other.name == own.name) {
-                Some(other) if rms(other) <= rms(&answer) => {}
-                Some(other) => *other = answer,
-                None => all.push(answer),
-            }
+            all.push(CandidateAnswer { heldout_rms: own.heldout_rms.map(of_all), state, ..own.clone() });
         }
     }
-    all.sort_by(|a, b| a.heldout_rms.unwrap_or(f64::INFINITY).total_cmp(&b.heldout_rms.unwrap_or(f64::INFINITY)));
-    all
+    CandidateAnswer::best_of_each(all)
 }

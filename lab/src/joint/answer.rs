@@ -385,23 +385,17 @@ fn candidates(found: &[Found], effects: &[FoundEffect], scale: f64) -> Vec<Candi
             // What the joint's error becomes, the others as they are.
             let others: f64 = found.iter().filter(|f| f.joint != own.joint).map(|f| f.before.mean_square).sum();
             let rms = (others + single.mean_square).sqrt() * scale;
-            let answer = CandidateAnswer {
+            all.push(CandidateAnswer {
                 name,
                 class: looks_like,
                 heldout_rms: Some(rms),
                 probability: class.map_or(0.0, |effect| effect.probability),
                 p_value: single.p_value,
                 state,
-            };
-            match all.iter_mut().find(|other| other.name == name) {
-                Some(other) if other.heldout_rms.is_some_and(|before| before <= rms) => {}
-                Some(other) => *other = answer,
-                None => all.push(answer),
-            }
+            });
         }
     }
-    all.sort_by(|a, b| a.heldout_rms.unwrap_or(f64::INFINITY).total_cmp(&b.heldout_rms.unwrap_or(f64::INFINITY)));
-    all
+    CandidateAnswer::best_of_each(all)
 }
 
 struct Said<'a> {

@@ -114,8 +114,9 @@ fn of_file(args: &AddArgs, machine: &Machine) -> anyhow::Result<Option<Term>> {
             path.display()
         );
     }
+    let value = |name: &str| args.set.iter().find(|(own, _)| own == name).map(|(_, value)| *value);
     let n_joints = if let Machine::Joints(joints) = machine { joints.n } else { 1 };
-    let said = args.set.iter().find(|(name, _)| name == "joint").map(|(_, value)| *value);
+    let said = value("joint");
     let joint = match said {
         None if n_joints == 1 => 0,
         Some(number) if (1..=n_joints).any(|joint| joint as f64 == number) => number as usize - 1,
@@ -126,7 +127,6 @@ fn of_file(args: &AddArgs, machine: &Machine) -> anyhow::Result<Option<Term>> {
             said.map_or("none".to_owned(), |number| number.to_string())
         ),
     };
-    let value = |name: &str| args.set.iter().find(|(own, _)| own == name).map(|(_, value)| *value);
     let term = own.term(joint, value);
     let has = |name: &str| {
         name == "joint" || term.formula.iter().any(|text| text.parameters.iter().any(|own| own.name == name))
