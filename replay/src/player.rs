@@ -3,7 +3,9 @@
 //! The loop is closed: every stage sees the slave's state. Which state that is must not depend on who is scheduled first,
 //! or no two replays would be alike; so the step for sample n rests on the state after sample n - [`UNDER_WAY`], and on the
 //! model updates that the shapes up to then have led to. The same number bounds how many samples are under way, so a queue
-//! of 256 never overflows, and a replay gives the same bytes at every speed.
+//! of 256 never overflows, and a replay gives the same bytes at every speed. Where a busy machine recorded few samples for a
+//! while, that state would be too old to be trusted: then the step rests on one that is no older than [`OLDEST_STATE_NS`], or,
+//! behind a gap, on the state after the sample before it.
 
 use crate::keeper::Keeper;
 use crate::program::{Next, Planned, Program, ProgramPart, What};
@@ -16,9 +18,11 @@ use krait_report::Tracked;
 use krait_schema::Sample;
 use std::collections::VecDeque;
 
-/// Samples under way at most, and the age of the state that a step rests on, in samples: 32 ms at 1 kHz, a third of what
-/// the stages take for fresh. Every stage has that many to work on each time it is woken.
+/// Samples under way at most, and the age of the state that a step rests on, in samples: 32 ms at 1 kHz. Every stage has
+/// that many to work on each time it is woken.
 pub const UNDER_WAY: u64 = 32;
+/// The same age in the replay's time, ns: a third of what the stages take for fresh.
+const OLDEST_STATE_NS: i64 = 33_000_000;
 /// A chain that answers nothing for so long will not answer any more, ns.
 const STALL_NS: i64 = 20_000_000_000;
 /// The same once a stop was asked for, ns.
@@ -92,7 +96,7 @@ pub struct Player {
     tracking: Tracked,
     /// The state before the first sample: its sequence number and its instant.
     base: Option<(u64, i64)>,
-    /// Instants of the newest samples, the oldest first.
+    /// Instants of the newest [`UNDER_WAY`] samples, the oldest first; before so many were sent, that of `base` before them.
     instants_ns: VecDeque<i64>,
     /// When each shape that no step rests on yet became available.
     shapes_ns: VecDeque<i64>,
@@ -149,6 +153,7 @@ impl Player {
         self.take()?;
         let state = self.newest.state.ok_or(ReplayError::Stalled { sample: 0, n_waiting: 0, patience_s: 0 })?;
         self.base = Some((state.sequence, state.sample_ns));
+        self.instants_ns.push_back(state.sample_ns);
         self.now_ns = state.sample_ns;
         self.progress_ns = clock::monotonic_ns();
         Ok(())
@@ -293,8 +298,9 @@ impl Player {
                     }
                 },
             };
-            let is_due = self.now_ns.saturating_add(planned.dt_ns) <= until_ns;
-            if !is_due || (planned.part == ProgramPart::Recorded && self.counts.recorded >= last) {
+            let at_ns = self.now_ns.saturating_add(planned.dt_ns);
+            let is_early = at_ns > until_ns || self.counts.answered < self.rests_on(at_ns).0;
+            if is_early || (planned.part == ProgramPart::Recorded && self.counts.recorded >= last) {
                 self.pending = Some(planned);
                 break;
             }
@@ -316,11 +322,14 @@ impl Player {
         self.now_ns += planned.dt_ns;
         let now_ns = self.now_ns;
         let sequence = self.counts.sent() + 1;
-        let (base_sequence, base_ns) = self.base.unwrap_or_default();
+        let (base_sequence, _) = self.base.unwrap_or_default();
+        let (before, before_ns) = self.rests_on(now_ns);
+        self.note_updates_due(before_ns);
+        let state_sequence = base_sequence + before;
         self.instants_ns.push_back(now_ns);
-        let before = if self.instants_ns.len() > UNDER_WAY as usize { self.instants_ns.pop_front() } else { None };
-        self.note_updates_due(before.unwrap_or(base_ns));
-        let state_sequence = base_sequence + sequence.saturating_sub(UNDER_WAY);
+        if self.instants_ns.len() > UNDER_WAY as usize {
+            self.instants_ns.pop_front();
+        }
         self.cues.put(&Cue {
             sequence,
             sample_ns: now_ns,
@@ -355,6 +364,14 @@ impl Player {
         }
         self.counts.count(planned.part);
         Ok(())
+    }
+
+    /// The sample, 0 for `base`, on whose state the step for the next one rests if that comes at this instant, and its own instant.
+    fn rests_on(&self, at_ns: i64) -> (u64, i64) {
+        let newest = self.counts.sent();
+        let kept = (0..).zip(self.instants_ns.iter().rev().copied());
+        let oldest = kept.take_while(|(back, ns)| *back == 0 || at_ns - ns <= OLDEST_STATE_NS).last();
+        oldest.map_or((newest, self.now_ns), |(back, ns)| (newest.saturating_sub(back), ns))
     }
 
     /// Each shape gives one model update; those that had become available by an instant are due.

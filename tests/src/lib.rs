@@ -31,6 +31,6 @@ pub use operate_room::{bars_shown, needs_shown, seen_in_operate_room, watch_oper
 pub use pad::{PadPage, pad_losses};
 pub use program::{Ended, Krait, krait_program};
 pub use relay::{CuttableWay, WayCut};
-pub use rewrite::rewrite;
+pub use rewrite::{rewrite, rewrite_some};
 pub use riddle::{Riddle, hand, krait_json};
 pub use world::{TempFolder, held_terminal, instance_name, pid_of, processes_of, real_drives, say_aloud, wait_until};

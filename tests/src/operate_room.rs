@@ -87,10 +87,10 @@ pub fn bars_shown(page: &mut BrowserPage) -> Vec<Value> {
     bars.as_array().expect("bars").clone()
 }
 
-/// The row as it is shown now: drives, operator, clutch, motion.
+/// The row as it is shown now: drives, operator, clutch, motion. A page that has just opened has none yet: then all is empty.
 pub fn needs_shown(page: &mut BrowserPage) -> [Need; 4] {
     let row = page.value(
-        "['drives', 'operator', 'clutch', 'scale'].map(id => document.getElementById(`need-${id}`)).map(e => [e.className, e.querySelector('dd span').textContent, e.querySelector('i')?.innerHTML ?? ''])",
+        "['drives', 'operator', 'clutch', 'scale'].map(id => document.getElementById(`need-${id}`)).map(e => [e?.className ?? '', e?.querySelector('dd span')?.textContent ?? '', e?.querySelector('i')?.innerHTML ?? ''])",
     );
     [0, 1, 2, 3].map(|k| [0, 1, 2].map(|i| row[k][i].as_str().expect("text").to_owned()))
 }

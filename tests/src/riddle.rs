@@ -4,7 +4,8 @@ use crate::{Ended, TempFolder};
 use core::time::Duration;
 use serde_json::Value;
 
-const PATIENCE: Duration = Duration::from_secs(240);
+/// The longest diagnosis takes more than a minute of processor time, of which a busy machine may give little.
+const PATIENCE: Duration = Duration::from_secs(900);
 
 /// What `krait` with arguments says as JSON, when all is well.
 pub fn krait_json(arguments: &[&str]) -> Value {

@@ -26,6 +26,9 @@ const HANG: &str = "setTimeout(() => {
     try { ask.send(); } finally { for (;;); }
 }, 0); 0";
 
+/// Done once a document has been painted twice.
+const PAINTED: &str = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))";
+
 /// Takes the focus to the page's body, or into a field of this kind that is made for it.
 const FOCUS: &str = "(place => {
     window.focus();
@@ -77,6 +80,9 @@ fn stops_while(cut: Option<WayCut>) {
     let loaded = format!("document.readyState === 'complete' && location.pathname === '{}'", console.stop_path());
     let is_loaded = wait_until(PATIENCE, || page.value_in(&stop, &loaded) == true);
     assert!(is_loaded, "the stop's own document");
+    // Until it has been painted where it stands, the browser asks the page who is pressed.
+    page.value_in(&stop, PAINTED);
+    page.value(PAINTED);
     // Keys go to the stop from here on: a page that hangs could not hand them on.
     page.value("document.getElementById('stop').focus(); 0");
     page.value_in(&stop, "document.getElementById('stop').focus(); 0");
@@ -191,6 +197,9 @@ fn escape_stops_with_the_focus_on_the_page_itself_and_in_its_fields() {
     let loaded = format!("document.readyState === 'complete' && location.pathname === '{}'", console.stop_path());
     let is_loaded = wait_until(PATIENCE, || page.value_in(&stop, &loaded) == true);
     assert!(is_loaded, "the stop's own document");
+    // Until it has been painted where it stands, the browser asks the page who is pressed.
+    page.value_in(&stop, PAINTED);
+    page.value(PAINTED);
     for place in ["body", "text", "number", "range"] {
         let n_before = wait_for(&instance, "moving", is_moving).n_stops;
         let has_focus = page.value(&FOCUS.replace("PLACE", place));

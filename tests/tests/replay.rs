@@ -4,10 +4,10 @@
 
 use core::time::Duration;
 use krait_ipc::message::{Command, Marker, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState};
-use krait_ipc::{InstanceName, resources_of};
+use krait_ipc::{InstanceName, Reason, Reasons, resources_of};
 use krait_record::{About, Recording, RecordingWriter};
 use krait_schema::Sample;
-use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, rewrite};
+use krait_tests::{Ended, Krait, TempFolder, instance_name, krait_program, processes_of, rewrite, rewrite_some};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -203,6 +203,29 @@ fn a_replay_gives_the_same_bytes_at_every_speed_and_counts_every_sample() {
     }
     let (code, verdict) = verify(&folder.file("a.mcap"));
     assert_eq!((code, &verdict["first_difference"]), (Some(0), &Value::Null), "{verdict}");
+}
+
+/// A busy machine records few samples for a while, and none for longer: a step rests on a state that is fresh there too. With every
+/// fourth sample left the 32nd before is 128 ms old, which the stages do not trust.
+#[test]
+fn what_a_busy_machine_has_recorded_is_followed_to_its_end() {
+    let folder = TempFolder::new("sparse");
+    let (sparse, out) = (folder.file("sparse.mcap"), folder.file("out.mcap"));
+    let own = read(&shipped());
+    let following =
+        |channels: &Channels| channels.commands.iter().filter(|c| c.phase == Phase::Following as u32).count();
+    let whole = following(&own);
+    let last = own.inputs.last().map(|input| input.sequence).expect("inputs");
+    rewrite_some(&shipped(), &sparse, |sample| match sample {
+        Sample::Input(input) => input.sequence % 4 == 0 || input.sequence == last,
+        _ => true,
+    });
+    replay(&[&sparse, "--speed", "max", "--recording", &out]);
+    let channels = read(&out);
+    let is_stale = |command: &&Command| Reasons::from_bits(command.reasons).contains(Reason::StateStale);
+    assert_eq!(channels.commands.iter().filter(is_stale).count(), 0, "every state is fresh");
+    let n = following(&channels);
+    assert!(4 * n > whole * 9 / 10, "{n} of every fourth of {whole} commands follow");
 }
 
 /// A replay reads as it plays, and so does a verification: how much memory it takes does not depend on how long the
