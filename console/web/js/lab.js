@@ -40,15 +40,15 @@ function build() {
   parts.columns = second('Name its columns', columns);
   data.append(parts.file, drop, parts.columns);
   parts.before = make('p', 'before');
-  const model = make('section', 'card pick', make('h2', '', 'Model'), choice('model', 'Model'), parts.before);
   // Seen where a model in the folder has formulas.
-  parts.offer = make('section', 'card pick offer', make('h2', '', 'Formulas of your own'), choice('formulas', 'Formulas of your own'), make('p', 'before', 'tried beside the known effects'));
+  parts.offer = make('div', 'offer', make('h2', '', 'Formulas of your own'), choice('formulas', 'Formulas of your own'), make('p', 'before', 'tried beside the known effects'));
+  const model = make('section', 'card pick', make('h2', '', 'Model'), choice('model', 'Model'), parts.before, parts.offer);
   parts.steps = make('ol', 'steps');
   parts.quiz = second('Quiz: find the hidden effect', () => { isQuiz = true; draw(); });
   parts.fall = make('div', 'fall-picture');
   parts.fallSays = make('p');
   const fall = make('section', 'card fall', make('h2', '', 'Error after each effect ', make('em', '', 'rms, on data not fitted to')), parts.fall, parts.fallSays);
-  page.replaceChildren(make('div', 'rail', data, model, parts.offer, parts.steps, parts.quiz), work, fall);
+  page.replaceChildren(make('div', 'rail', data, model, parts.steps, parts.quiz), work, fall);
   parts.data.addEventListener('change', restart);
   parts.model.addEventListener('change', restart);
   parts.formulas.addEventListener('change', restart);
