@@ -2,8 +2,9 @@
 //!
 //! The window is that of a snake's score: from [`SCORED_FROM_S`] after the first motion on.
 
+use crate::tracking::is_motion;
 use crate::{SCORED_FROM_S, Spread, Tracking};
-use krait_ipc::message::{JointValues, MAX_JOINTS, Phase, Setpoint, Shape};
+use krait_ipc::message::{JointValues, MAX_JOINTS, Setpoint, Shape};
 use serde::Serialize;
 
 /// What stands in the places of a message that carry joints.
@@ -126,7 +127,7 @@ impl JointTracking {
     pub(crate) fn setpoint(&mut self, setpoint: &Setpoint) {
         self.n = (setpoint.n_joints as usize).min(MAX_JOINTS);
         self.setpoints.push((setpoint.sample_ns, setpoint.joints_rad));
-        if setpoint.phase() == Some(Phase::Following) {
+        if is_motion(setpoint) {
             self.first_motion_ns.get_or_insert(setpoint.sample_ns);
         }
     }
@@ -143,7 +144,7 @@ impl JointTracking {
         self.measured.extend(shape.valid_jaw_rad().map(|jaw_rad| (shape.sample_ns, one(jaw_rad))));
     }
 
-    /// When the first setpoint followed an operator, ns.
+    /// When the first setpoint moved as an operator wanted, ns.
     pub(crate) fn first_motion_ns(&self) -> Option<i64> {
         self.first_motion_ns
     }

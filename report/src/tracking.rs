@@ -31,7 +31,7 @@ pub struct TrackingScore {
     pub scored_from_s: f64,
 }
 
-/// Pairs shapes with setpoints as they come; from the first setpoint that follows an operator on, every pair counts.
+/// Pairs shapes with setpoints as they come; from the first motion on, every pair counts.
 #[derive(Clone, Debug, Default)]
 pub struct Tracking {
     setpoints: VecDeque<(i64, [f64; 2])>,
@@ -39,14 +39,22 @@ pub struct Tracking {
     errors: Vec<(i64, ShapeError)>,
 }
 
-/// A setpoint as far as tracking needs it: its instant, ns, its bend vector, rad, and whether it follows an operator.
+/// A setpoint as far as tracking needs it: its instant, ns, its bend vector, rad, and whether it moves as an operator wants.
 pub(crate) type Wanted = (i64, [f64; 2], bool);
 /// A shape as far as tracking needs it: its instant of exposure, ns, and the measured bend vector, rad.
 pub(crate) type Seen = (i64, [f64; 2]);
 
 /// What is kept of a setpoint.
 pub(crate) fn wanted(setpoint: &Setpoint) -> Wanted {
-    (setpoint.sample_ns, setpoint.bend_rad, setpoint.phase() == Some(Phase::Following))
+    (setpoint.sample_ns, setpoint.bend_rad, is_motion(setpoint))
+}
+
+/// Whether a setpoint moves as an operator wants. A hand that has taken hold and rests is no motion yet: a replay takes hold before it plays,
+/// and its first motion is the recording's.
+pub(crate) fn is_motion(setpoint: &Setpoint) -> bool {
+    let mut rates = setpoint.bend_vel_rad_per_s.iter().chain(&setpoint.joints_vel_rad_per_s);
+    // The bend of joints is NaN.
+    setpoint.phase() == Some(Phase::Following) && rates.any(|rate| rate.abs() > 0.0)
 }
 
 impl Tracking {
@@ -78,8 +86,8 @@ impl Tracking {
         }
     }
 
-    fn want(&mut self, (sample_ns, bend_rad, is_following): Wanted) {
-        if is_following {
+    fn want(&mut self, (sample_ns, bend_rad, is_motion): Wanted) {
+        if is_motion {
             self.first_motion_ns.get_or_insert(sample_ns);
         }
         self.setpoints.push_back((sample_ns, bend_rad));
@@ -99,7 +107,7 @@ impl Tracking {
         }
     }
 
-    /// Instant of the first setpoint that follows an operator, ns.
+    /// Instant of the first setpoint that moves as an operator wants, ns.
     pub fn first_motion_ns(&self) -> Option<i64> {
         self.first_motion_ns
     }
@@ -155,6 +163,7 @@ pub(crate) fn length(bend: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use krait_ipc::message::{HopStamps, MAX_ACTUATORS, MAX_JOINTS};
 
     const S: i64 = 1_000_000_000;
 
@@ -170,7 +179,7 @@ mod tests {
     #[test]
     fn the_score_begins_ten_seconds_after_the_first_motion_and_a_shorter_pass_has_none() {
         let pass = |seconds: i64| {
-            // Standing for 3 s, then following; the error is 0.2 rad in the first 10 s of motion and 0.1 rad afterwards.
+            // Standing for 3 s, then moving; the error is 0.2 rad in the first 10 s of motion and 0.1 rad afterwards.
             let setpoints = (0..seconds * 1000).map(|ms| (ms * S / 1000, [0.3, 0.0], ms >= 3000));
             let shapes = (0..seconds * 50).map(|k| (k * S / 50, [if k < 13 * 50 { 0.5 } else { 0.4 }, 0.0]));
             Tracking::of(setpoints, shapes)
@@ -183,6 +192,36 @@ mod tests {
         let short = pass(12).score();
         assert_eq!((short.error_deg, short.bend_error_deg, short.plane_error_deg), (None, None, None));
         assert!(TOO_SHORT.contains(&format!("{SCORED_FROM_S:.0} s")));
+    }
+
+    #[test]
+    fn a_hand_that_has_taken_hold_and_rests_is_no_motion() {
+        let resting = Setpoint {
+            sequence: 1,
+            sample_ns: S,
+            stamps: HopStamps::default(),
+            input_sequence: 1,
+            state_sequence: 1,
+            bend_rad: [0.3, 0.0],
+            bend_vel_rad_per_s: [0.0; 2],
+            joints_rad: [0.0; MAX_JOINTS],
+            joints_vel_rad_per_s: [0.0; MAX_JOINTS],
+            q_tilde_vel_m_per_s: [0.0; MAX_ACTUATORS],
+            tip_pos_in_base_m: [0.0; 3],
+            motion_scale: 1.0,
+            phase: Phase::Following as u32,
+            reserved: 0,
+            n_actuators: 0,
+            n_joints: 0,
+            reasons: 0,
+            model_hash: 0,
+        };
+        let mut joints = Setpoint { bend_vel_rad_per_s: [f64::NAN; 2], ..resting };
+        assert!(!is_motion(&resting) && !is_motion(&joints));
+        joints.joints_vel_rad_per_s[1] = -1e-3;
+        let bending = Setpoint { bend_vel_rad_per_s: [0.0, 1e-3], ..resting };
+        assert!(is_motion(&joints) && is_motion(&bending));
+        assert!(!is_motion(&Setpoint { phase: Phase::Holding as u32, ..bending }), "what comes to rest");
     }
 
     #[test]
