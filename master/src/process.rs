@@ -27,6 +27,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
     let held = MasterConfig { engage, ..config.clone() };
     let core = source.core(&held)?;
     let waits_for_slave = config.start_when_ready && source.has_beginning();
+    let is_played = source.has_beginning();
     let slave = if waits_for_slave { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let engaged = if config.engage == Engage::Again { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let feedback = if matches!(source, SourceChoice::Hid) {
@@ -52,6 +53,7 @@ pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &Atomic
         engaged,
         wishes,
         begun_ns,
+        is_played,
         inputs,
         marks,
         health,
@@ -75,6 +77,8 @@ struct Master {
     wishes: Reader<MotionWish>,
     // A wish of before that is none to this process.
     begun_ns: i64,
+    // Whether the source plays what was recorded: its reports say when they were due, and are in hand when they are told.
+    is_played: bool,
     inputs: Writer<OperatorInput>,
     marks: Writer<Marker>,
     health: HealthReporter,
@@ -142,8 +146,10 @@ impl Master {
     fn take_events(&mut self, now_ns: i64) -> Result<(), MasterError> {
         while let Some(event) = self.source.next_event(now_ns) {
             match event {
-                SourceEvent::HidReport { device, stamp_ns, report } => self.take_report(device, stamp_ns, report)?,
-                SourceEvent::Packet { stamp_ns, sender, packet } => self.take_packet(stamp_ns, sender, packet),
+                SourceEvent::HidReport { device, stamp_ns, report } => {
+                    self.take_report(device, stamp_ns, report, now_ns)?;
+                }
+                SourceEvent::Packet { stamp_ns, sender, packet } => self.take_packet(stamp_ns, sender, packet, now_ns),
                 SourceEvent::Script(sample) => self.core.on_script(sample),
                 SourceEvent::Mark(mark) => self.marks.send(&Marker { sequence: self.marks.n_sent() + 1, ..mark })?,
                 SourceEvent::Pad { stamp_ns, wish } => {
@@ -175,24 +181,29 @@ impl Master {
         Ok(())
     }
 
-    fn take_report(&mut self, device: usize, stamp_ns: i64, report: RawReport) -> Result<(), MasterError> {
+    /// When a report was in hand.
+    fn in_hand_ns(&self, stamp_ns: i64, now_ns: i64) -> i64 {
+        if self.is_played { now_ns } else { stamp_ns }
+    }
+
+    fn take_report(&mut self, device: usize, stamp_ns: i64, report: RawReport, now_ns: i64) -> Result<(), MasterError> {
         self.record(device, stamp_ns, RecordedEvent::Report(report));
         // A refusal is counted by the core and travels in every input; there is no more to do about it here.
         if self.core.on_report_of(device, report.as_bytes(), stamp_ns).is_ok() {
-            self.device_ns = Some(stamp_ns);
+            self.device_ns = Some(self.in_hand_ns(stamp_ns, now_ns));
             self.mark(stamp_ns)?;
         }
         Ok(())
     }
 
     /// Of a sender that is ignored nothing is recorded, so that a recording is one hand's.
-    fn take_packet(&mut self, stamp_ns: i64, sender: SocketAddr, packet: RawReport) {
+    fn take_packet(&mut self, stamp_ns: i64, sender: SocketAddr, packet: RawReport, now_ns: i64) {
         let taken = self.core.on_packet(packet.as_bytes(), sender, stamp_ns);
         if taken != Err(PoseRefusal::AnotherSender) {
             self.record(0, stamp_ns, RecordedEvent::Report(packet));
         }
         match taken {
-            Ok(()) => self.device_ns = Some(stamp_ns),
+            Ok(()) => self.device_ns = Some(self.in_hand_ns(stamp_ns, now_ns)),
             Err(refusal) => {
                 let bit = 1 << refusal as u32;
                 if self.told_refusals & bit == 0 {

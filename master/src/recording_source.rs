@@ -1,4 +1,7 @@
 //! Plays a recording by its stamps, so that the chain meets the very bytes at the very pace of a device.
+//!
+//! What is told carries the instant at which it was due. A process that a busy machine left waiting tells it late; by the instant of telling
+//! the hand would have been silent, and one that is silent while deflected counts as lost.
 
 use crate::recording::StampedEvent;
 use crate::source::sleep_until;
@@ -70,14 +73,10 @@ impl ReportSource for RecordingSource {
     }
 
     fn next_event(&mut self, now_ns: i64) -> Option<SourceEvent> {
-        match self.recording.stamped(self.next_idx) {
-            None => self.at_end(now_ns),
-            Some(_) if self.due_ns()? > now_ns => None,
-            Some(stamped) => {
-                self.next_idx += 1;
-                Some(self.told(now_ns, stamped))
-            }
-        }
+        let Some(stamped) = self.recording.stamped(self.next_idx) else { return self.at_end(now_ns) };
+        let due_ns = self.due_ns().filter(|due_ns| *due_ns <= now_ns)?;
+        self.next_idx += 1;
+        Some(self.told(due_ns, stamped))
     }
 
     fn vid_pid(&self) -> Option<(u16, u16)> {
@@ -96,6 +95,7 @@ impl ReportSource for RecordingSource {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Engage, MasterConfig, MasterCore};
 
     fn source(looping: bool) -> RecordingSource {
         let text = "krait-report-recording 1\ndevice 046d:c626\nlayout split\nreports\n0 0301\n8 0300\n8 0302\nend 3\n";
@@ -120,6 +120,31 @@ mod tests {
         assert!(told(&mut source, 2_007).is_empty());
         assert_eq!(told(&mut source, 2_008), ["00", "02", "Ended"]);
         assert!(told(&mut source, i64::MAX).is_empty(), "the end is told once");
+    }
+
+    /// A push of 0.8 s, a report each 8 ms, told after a pause of the process in the middle: the hand was there all the time.
+    #[test]
+    fn a_process_that_was_left_waiting_loses_no_hand() {
+        const MS: i64 = 1_000_000;
+        let pushed: String = (1..=100).map(|n| format!("{} 015e0100000000\n", n * 8 * MS)).collect();
+        let text =
+            format!("krait-report-recording 1\ndevice 046d:c626\nlayout split\nreports\n0 0301\n{pushed}end 101\n");
+        let recording = HidRecording::parse("test", text.as_bytes()).expect("recording");
+        let config = MasterConfig { engage: Engage::Once, ..MasterConfig::default() };
+        let mut core = MasterCore::new(&config).expect("a core");
+        let mut source = RecordingSource::new(recording, false);
+        source.start(0);
+        let mut is_present = |now_ns: i64| {
+            while let Some(event) = source.next_event(now_ns) {
+                if let SourceEvent::HidReport { device, stamp_ns, report } = event {
+                    core.on_report_of(device, report.as_bytes(), stamp_ns).expect("a report");
+                }
+            }
+            core.on_tick(now_ns).operator_present()
+        };
+        assert!((1..200).all(|ms| is_present(ms * MS)), "from its first report on");
+        assert!((700..800).all(|ms| is_present(ms * MS)), "half a second later");
+        assert!(!is_present(2000 * MS), "and silent at last");
     }
 
     #[test]

@@ -20,14 +20,14 @@ pub enum SourceEvent {
     HidReport {
         /// Which of the hand's devices sent it: 0 the hand controller, 1 the first beside it.
         device: usize,
-        /// When it was in hand.
+        /// When it was in hand; of a recording when it was due.
         stamp_ns: i64,
         /// Its bytes.
         report: RawReport,
     },
     /// A packet of a pose sender, and when it was in hand, CLOCK_MONOTONIC, ns.
     Packet {
-        /// When it was in hand.
+        /// When it was in hand; of a recording when it was due.
         stamp_ns: i64,
         /// Who sent it.
         sender: SocketAddr,
