@@ -111,9 +111,12 @@ impl Bench {
             bench.pull();
             bench.state.is_engaged() && bench.state.setpoint_q_m[0] <= -BENT_M
         });
+        // What passes by is not at rest: a machine that held the last command up has it braked later.
         bench.until("at rest where it was told to be", |bench| {
+            let before_m = bench.state.setpoint_q_m;
             bench.tick();
-            (bench.state.measured_q_m[0] + BENT_M).abs() < 50e-6
+            let left_m = bench.state.measured_q_m[0] - bench.state.setpoint_q_m[0];
+            bench.state.setpoint_q_m == before_m && !bench.state.is_engaged() && left_m.abs() < 50e-6
         });
         bench
     }

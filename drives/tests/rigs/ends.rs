@@ -19,6 +19,9 @@ const RATE_M_PER_S: f64 = 0.03;
 /// So slow that braking takes some cycles, m/s2.
 const DECELERATION_M_PER_S2: f64 = 0.1;
 
+/// How often a motion is repeated in which a busy machine had no wish for one of the cycles before the failure.
+const MOST_ATTEMPTS: usize = 12;
+
 /// Servos in motion, and all that was recorded of it.
 struct Motion {
     rig: Rig,
@@ -68,6 +71,13 @@ impl Motion {
         let period_ns = self.period_s * 1e9;
         let longest_ns = late_ns.max().map_or(0.0, |longest_ns| longest_ns as f64 - period_ns);
         (self.longest_pause_ns as f64).max(longest_ns) > 0.5 * period_ns
+    }
+
+    /// Whether each of the last cycles before the failure had a wish of its own: the speed that is braked is theirs. On a machine under load
+    /// one may come late.
+    fn had_every_wish(&self) -> bool {
+        let failed = self.cycles.iter().position(|cycle| cycle.failure != 0).unwrap();
+        self.steps(0)[failed.saturating_sub(3)..failed].iter().all(|step| *step != 0)
     }
 
     /// So many cycles more: a wish for each, which is refused once something has failed.
@@ -131,6 +141,22 @@ fn judge_stop(motion: &Motion, what: &str) -> usize {
     n_steps
 }
 
+/// Three actuators in motion of which the second fails, comes back, and the slave goes on asking for motion.
+fn failed_motion(make: ServoMake, what: &str, break_it: fn(&Emulator)) -> Motion {
+    let mut motion = Motion::begin(make, |_| {});
+    // Far from where it turns round; a leap is more than half a turn, and is known at once.
+    motion.go(if what == "leap" { 6 } else { 3 });
+    break_it(&motion.rig.emulator);
+    while motion.rig.drive.failure().is_none() {
+        assert!(motion.cycles.len() < 100, "{make:?} {what}: nothing has failed");
+        motion.go(1);
+    }
+    motion.go(5);
+    motion.wire().servos[1].faults = Faults::default();
+    motion.go(8);
+    motion
+}
+
 #[test]
 fn whatever_fails_in_motion_the_recorded_goals_of_the_others_come_to_rest_by_one_factor_and_stay() {
     type Case = (&'static str, fn(&Emulator));
@@ -148,22 +174,12 @@ fn whatever_fails_in_motion_the_recorded_goals_of_the_others_come_to_rest_by_one
     on_each_make(|make| {
         let mut n_ramps = 0;
         for (what, break_it) in cases {
-            let mut motion = Motion::begin(make, |_| {});
             println!("{make:?} {what}");
-            // Far from where it turns round; a leap is more than half a turn, and is known at once.
-            motion.go(if what == "leap" { 6 } else { 3 });
-            break_it(&motion.rig.emulator);
-            while motion.rig.drive.failure().is_none() {
-                assert!(motion.cycles.len() < 100, "{make:?} {what}: nothing has failed");
-                motion.go(1);
-            }
-            // It comes back, and the slave goes on asking for motion.
-            motion.go(5);
-            motion.wire().servos[1].faults = Faults::default();
-            motion.go(8);
+            let motion = (0..MOST_ATTEMPTS).map(|_| failed_motion(make, what, break_it)).find(Motion::had_every_wish);
+            let motion =
+                motion.unwrap_or_else(|| panic!("{make:?} {what}: this machine is too busy to send a wish each cycle"));
             n_ramps += usize::from(judge_stop(&motion, &format!("{make:?} {what}")) > 1);
         }
-        // A machine under load may have had no wish for the cycle of a failure: then all were at rest.
         assert!(n_ramps > 0, "{make:?}: nobody had anything to brake");
     });
 }
