@@ -87,7 +87,7 @@ fn memory_that_fills_up_under_a_chain_that_runs_disturbs_nothing() {
     assert!(matches!(ended.status.code(), Some(0 | 1)), "{:?}: {said}", ended.status);
     let contents = Recording::open(Path::new(&recording)).expect("readable").contents().clone();
     assert!(contents.missing.is_empty(), "{:?}", contents.missing);
-    assert!(contents.channels[&krait_schema::Channel::Command].n_messages > 2500, "it moved to the end");
+    assert!(contents.channels[&krait_schema::Channel::Command].n_messages > 5000, "it moved to the end");
 }
 
 #[test]
