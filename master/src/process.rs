@@ -23,11 +23,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// later is a state, not an error.
 pub fn run(bus: &Bus, config: &MasterConfig, source: SourceChoice, stop: &AtomicBool) -> Result<(), MasterError> {
     // A live hand engages by its own presence; whatever is played must have been asked to.
-    let engage = if source.has_beginning() { config.engage } else { Engage::Once };
+    let is_played = source.has_beginning();
+    let engage = if is_played { config.engage } else { Engage::Once };
     let held = MasterConfig { engage, ..config.clone() };
     let core = source.core(&held)?;
-    let waits_for_slave = config.start_when_ready && source.has_beginning();
-    let is_played = source.has_beginning();
+    let waits_for_slave = config.start_when_ready && is_played;
     let slave = if waits_for_slave { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let engaged = if config.engage == Engage::Again { Some(bus.reader(ReadOptions::glancing())?) } else { None };
     let feedback = if matches!(source, SourceChoice::Hid) {

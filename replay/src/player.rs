@@ -299,12 +299,13 @@ impl Player {
                 },
             };
             let at_ns = self.now_ns.saturating_add(planned.dt_ns);
-            let is_early = at_ns > until_ns || self.counts.answered < self.rests_on(at_ns).0;
+            let (before, before_ns) = self.rests_on(at_ns);
+            let is_early = at_ns > until_ns || self.counts.answered < before;
             if is_early || (planned.part == ProgramPart::Recorded && self.counts.recorded >= last) {
                 self.pending = Some(planned);
                 break;
             }
-            self.send(&planned)?;
+            self.send(&planned, before, before_ns)?;
             n_sent += 1;
         }
         if n_sent > 0 {
@@ -318,12 +319,12 @@ impl Player {
         Ok(ended)
     }
 
-    fn send(&mut self, planned: &Planned) -> Result<(), ReplayError> {
+    /// Sends a sample whose step rests on the state after the sample `before`, of the instant `before_ns`.
+    fn send(&mut self, planned: &Planned, before: u64, before_ns: i64) -> Result<(), ReplayError> {
         self.now_ns += planned.dt_ns;
         let now_ns = self.now_ns;
         let sequence = self.counts.sent() + 1;
         let (base_sequence, _) = self.base.unwrap_or_default();
-        let (before, before_ns) = self.rests_on(now_ns);
         self.note_updates_due(before_ns);
         let state_sequence = base_sequence + before;
         self.instants_ns.push_back(now_ns);
@@ -368,10 +369,10 @@ impl Player {
 
     /// The sample, 0 for `base`, on whose state the step for the next one rests if that comes at this instant, and its own instant.
     fn rests_on(&self, at_ns: i64) -> (u64, i64) {
-        let newest = self.counts.sent();
-        let kept = (0..).zip(self.instants_ns.iter().rev().copied());
-        let oldest = kept.take_while(|(back, ns)| *back == 0 || at_ns - ns <= OLDEST_STATE_NS).last();
-        oldest.map_or((newest, self.now_ns), |(back, ns)| (newest.saturating_sub(back), ns))
+        let Some(newest) = self.instants_ns.len().checked_sub(1) else { return (self.counts.sent(), self.now_ns) };
+        let is_fresh = |ns: &i64| at_ns - ns <= OLDEST_STATE_NS;
+        let oldest = self.instants_ns.iter().position(is_fresh).unwrap_or(newest);
+        (self.counts.sent().saturating_sub((newest - oldest) as u64), self.instants_ns[oldest])
     }
 
     /// Each shape gives one model update; those that had become available by an instant are due.

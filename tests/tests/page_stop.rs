@@ -64,6 +64,18 @@ fn the_stop_works_while_the_page_is_in_an_endless_loop() {
     stops_while(None);
 }
 
+/// The session of the stop's own document, which is loaded and painted: until it has been painted where it stands, the browser asks the
+/// page who is pressed.
+fn stop_there(page: &mut BrowserPage, console: &Console) -> String {
+    let stop = page.inner("iframe");
+    let loaded = format!("document.readyState === 'complete' && location.pathname === '{}'", console.stop_path());
+    let is_loaded = wait_until(PATIENCE, || page.value_in(&stop, &loaded) == true);
+    assert!(is_loaded, "the stop's own document");
+    page.value_in(&stop, PAINTED);
+    page.value(PAINTED);
+    stop
+}
+
 /// A chain that moves, a page with a way of its own to its console, and that way cut; without a cut the page hangs.
 fn stops_while(cut: Option<WayCut>) {
     let instance = instance_name("page-stop");
@@ -76,13 +88,7 @@ fn stops_while(cut: Option<WayCut>) {
     page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
     assert!(relay.was_asked("GET /live"), "the page came by its own way");
     let place = place_of_stop(&mut page);
-    let stop = page.inner("iframe");
-    let loaded = format!("document.readyState === 'complete' && location.pathname === '{}'", console.stop_path());
-    let is_loaded = wait_until(PATIENCE, || page.value_in(&stop, &loaded) == true);
-    assert!(is_loaded, "the stop's own document");
-    // Until it has been painted where it stands, the browser asks the page who is pressed.
-    page.value_in(&stop, PAINTED);
-    page.value(PAINTED);
+    let stop = stop_there(&mut page, &console);
     // Keys go to the stop from here on: a page that hangs could not hand them on.
     page.value("document.getElementById('stop').focus(); 0");
     page.value_in(&stop, "document.getElementById('stop').focus(); 0");
@@ -193,13 +199,7 @@ fn escape_stops_with_the_focus_on_the_page_itself_and_in_its_fields() {
     let console = Console::of(&mut krait);
     let mut page = browser.page(&console.address, 1280, 800);
     page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
-    let stop = page.inner("iframe");
-    let loaded = format!("document.readyState === 'complete' && location.pathname === '{}'", console.stop_path());
-    let is_loaded = wait_until(PATIENCE, || page.value_in(&stop, &loaded) == true);
-    assert!(is_loaded, "the stop's own document");
-    // Until it has been painted where it stands, the browser asks the page who is pressed.
-    page.value_in(&stop, PAINTED);
-    page.value(PAINTED);
+    stop_there(&mut page, &console);
     for place in ["body", "text", "number", "range"] {
         let n_before = wait_for(&instance, "moving", is_moving).n_stops;
         let has_focus = page.value(&FOCUS.replace("PLACE", place));

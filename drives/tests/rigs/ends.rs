@@ -73,10 +73,15 @@ impl Motion {
         (self.longest_pause_ns as f64).max(longest_ns) > 0.5 * period_ns
     }
 
+    /// The cycle in which the failure was found out.
+    fn failed(&self) -> usize {
+        self.cycles.iter().position(|cycle| cycle.failure != 0).unwrap()
+    }
+
     /// Whether each of the last cycles before the failure had a wish of its own: the speed that is braked is theirs. On a machine under load
     /// one may come late.
     fn had_every_wish(&self) -> bool {
-        let failed = self.cycles.iter().position(|cycle| cycle.failure != 0).unwrap();
+        let failed = self.failed();
         self.steps(0)[failed.saturating_sub(3)..failed].iter().all(|step| *step != 0)
     }
 
@@ -120,7 +125,7 @@ impl Motion {
 
 /// After the failure of the second: how many steps the others took to come to rest.
 fn judge_stop(motion: &Motion, what: &str) -> usize {
-    let failed = motion.cycles.iter().position(|cycle| cycle.failure != 0).unwrap();
+    let failed = motion.failed();
     assert!(motion.cycles[failed..].iter().all(|cycle| cycle.failure == motion.cycles[failed].failure), "{what}");
     assert_eq!(motion.cycles[failed].failure_actuator, 2, "{what}");
     let [first, third] = [motion.steps(0), motion.steps(2)];
