@@ -8,7 +8,10 @@ use core::time::Duration;
 use std::io::{self, Write, stderr};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, OnceLock};
+use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::fmt::MakeWriter;
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
 
 /// Lines that wait at most: some hundred kilobytes.
 const N_WAITING: usize = 1024;
@@ -25,15 +28,25 @@ pub fn say(text: &str) {
     }
 }
 
-/// Starts logging: warnings unless KRAIT_LOG says otherwise (the syntax of tracing's filters). Keep what comes back until the
+/// Starts logging: warnings unless KRAIT_LOG says otherwise, as `info` or `warn,krait_slave=debug`. Keep what comes back until the
 /// end of the program.
 pub fn start() -> Log {
-    let filter = tracing_subscriber::EnvFilter::try_from_env("KRAIT_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn,iceoryx2=error"));
+    let usual = || Targets::new().with_default(LevelFilter::WARN).with_target("iceoryx2", LevelFilter::ERROR);
+    let asked = std::env::var_os("KRAIT_LOG").map(|text| text.to_string_lossy().into_owned());
+    let parsed = asked.as_deref().map(str::parse::<Targets>);
+    let refused = parsed.as_ref().is_some_and(Result::is_err);
+    let filter = parsed.and_then(Result::ok).unwrap_or_else(usual);
     let (log, lines) = Log::new(stderr);
     // The first queue is the one: a program starts its log once.
     let _one_log_only = QUEUE.set(lines.clone());
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(lines).init();
+    let writer = tracing_subscriber::fmt::layer().with_writer(lines);
+    tracing_subscriber::registry().with(writer.with_filter(filter)).init();
+    if refused {
+        let found = asked.unwrap_or_default();
+        tracing::warn!(
+            "KRAIT_LOG is {found:?}: expected levels, as info or warn,krait_slave=debug; warnings are logged"
+        );
+    }
     log
 }
 

@@ -461,7 +461,7 @@ impl Hand<'_> {
     /// Drives until the camera's picture has moved visibly, lets go, and holds picture and dial against the direction.
     fn drive(&mut self, direction: [f64; 2], how: &str, act: fn(&mut Self, [f64; 2], bool)) {
         self.page.wait_for("ready", READY);
-        let (dial_before, tip_before) = (self.dial(), self.tip());
+        let (dial_before, tip_before) = (self.dial_at_rest(), self.tip());
         let moved = |now: [f64; 2], before: [f64; 2]| [now[0] - before[0], now[1] - before[1]];
         let mut is_far = false;
         for _ in 0..200 {
@@ -493,6 +493,21 @@ impl Hand<'_> {
     fn dial(&mut self) -> [f64; 2] {
         let script = "(document.querySelector('#dial .seen').getAttribute('transform') ?? '(0 0)').match(/\\((\\S+) (\\S+)\\)/).slice(1).map(Number)";
         pair(&self.page.value(script))
+    }
+
+    /// The dial once it stands: it is painted after the state that says ready, on a busy machine long after.
+    fn dial_at_rest(&mut self) -> [f64; 2] {
+        let mut before = self.dial();
+        for _ in 0..100 {
+            std::thread::sleep(Duration::from_millis(100));
+            self.page.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
+            let now = self.dial();
+            if (now[0] - before[0]).hypot(now[1] - before[1]) < 2.0 {
+                return now;
+            }
+            before = now;
+        }
+        panic!("the dial never stood");
     }
 
     /// The tip in the camera's picture, by the page's own geometry: pixels to the right and down.

@@ -126,12 +126,12 @@ fn false_alarms(name: &str, text: &str, n_seeds: u64) {
 
 #[test]
 fn machines_that_do_not_change_give_no_more_alarms_than_asked_for() {
-    false_alarms("the right model", TWO, 8);
+    false_alarms("the right model", TWO, 4);
 }
 
 #[test]
 fn nor_do_machines_whose_model_is_still_learnt() {
-    false_alarms("a model that is learnt", LEARN, 8);
+    false_alarms("a model that is learnt", LEARN, 4);
 }
 
 #[test]

@@ -15,7 +15,7 @@ fn answer(kinds: [&str; 2], motion: Motion, seed: u64) -> (Verdict, Vec<String>)
 }
 
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn friction_is_named_beside_planes_that_the_snake_prefers() {
     let found = answer(["x_detent", "bend-friction"], Motion::Teleop, 11);
     assert_eq!(found, (Verdict::Partly, vec!["bend-friction".to_owned()]));

@@ -65,7 +65,7 @@ fn a_camera_ahead_of_the_encoders_is_calibration_and_nothing_is_missing() {
 }
 
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn effects_beside_a_camera_that_is_ahead_are_named_as_without() {
     let kinds = [("backlash", 2.0), ("stiffness", 2.0)];
     let found = diagnosed(&by_clock(&kinds, 22, ClockOffset { shift_s: 0.06, rate: 0.0 }));
@@ -76,7 +76,7 @@ fn effects_beside_a_camera_that_is_ahead_are_named_as_without() {
 
 /// Effects that imitate the clock give way to the effect that is there, search by search.
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn a_friction_beside_a_camera_that_is_ahead_is_found_though_others_imitate_it() {
     let kinds = [("cone", 2.0), ("camera-offset", 1.5)];
     let found = diagnosed(&by_clock(&kinds, 23, ClockOffset { shift_s: 0.06, rate: 0.0 }));
@@ -86,7 +86,7 @@ fn a_friction_beside_a_camera_that_is_ahead_is_found_though_others_imitate_it() 
 }
 
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn a_clock_of_another_rate_is_calibration_beside_an_effect() {
     let found = diagnosed(&by_clock(&[("stiffness", 2.0)], 24, ClockOffset { shift_s: 0.0, rate: 1500e-6 }));
     assert_eq!((found.verdict, names(&found).len()), (Verdict::Missing, 1), "{:?}", names(&found));
@@ -95,7 +95,7 @@ fn a_clock_of_another_rate_is_calibration_beside_an_effect() {
 }
 
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn a_camera_that_comes_late_is_the_effect_that_it_was() {
     let found = diagnosed(&by_clock(&[], 25, ClockOffset { shift_s: -0.06, rate: 0.0 }));
     assert_eq!((found.verdict, found.calibration.len(), found.clocks.len()), (Verdict::Missing, 0, 0));

@@ -81,7 +81,7 @@ fn play_and_static_friction_are_told_apart_by_the_loads_and_by_nothing_else() {
 }
 
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn play_and_static_friction_together_are_both_named_with_loads_and_stand_for_each_other_without() {
     let made = hidden(&["backlash", "static-friction"], 1, 0.1);
     assert_eq!(classes(&answer(&made, true)), [["backlash"], ["static-friction"]]);
@@ -99,7 +99,7 @@ fn latency_and_viscous_friction_are_told_apart_by_the_loads() {
 }
 
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn cells_of_another_gain_zero_and_sign_change_no_answer_and_are_reported() {
     let made = hidden(&["static-friction"], 2, 0.1);
     let mut other = made.clone();

@@ -168,7 +168,7 @@ fn play_of_all_lines_and_friction_that_looks_like_it_are_said_to_be_one_class() 
 }
 
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn what_the_camera_does_to_one_segment_or_to_all_is_named_as_the_camera_s() {
     for kind in ["camera-offset-2", "camera-scale-1", "delay"] {
         let made = made(&[(kind, 2.0)], 400);
@@ -252,7 +252,7 @@ fn tracked_deg(file: &ModelFile, truth: &SegmentsTruth) -> f64 {
 }
 
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn the_model_with_what_was_added_holds_the_value_and_tracks_better() {
     for kind in OF_SECOND {
         let made = made(&[(kind, 2.0)], 600);

@@ -18,7 +18,7 @@ fn made(kinds: &[(&str, f64)], seed: u64) -> Generated {
 
 /// Encoders and a camera that reads too much: the encoders alone explain both, and their values are those of both.
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn errors_of_encoder_scales_have_room_for_a_scale_of_the_picture() {
     let made = made(&[("encoder-scale", 2.0), ("camera-scale", 1.5)], 5);
     let found = diagnose(&snake(), &made.measurements, &DiagnoseOptions::default()).unwrap();
@@ -36,7 +36,7 @@ fn errors_of_encoder_scales_have_room_for_a_scale_of_the_picture() {
 
 /// From one period of a screw no downhill way leads to another: beside other effects it is looked for anew.
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn a_screw_s_period_in_another_minimum_is_begun_anew_beside_the_other_effects() {
     let made = made(&[("lead-screw", 1.2), ("camera-offset", 2.0)], 6);
     let (snake, known) = (snake(), made.answer.known["lead-screw-error"]["pitch_m"]);
@@ -57,7 +57,7 @@ fn a_screw_s_period_in_another_minimum_is_begun_anew_beside_the_other_effects() 
 
 /// Beside two effects that leave much, the signs of a third say little: what brings the error from three times the floor to the floor stands.
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn a_list_whose_first_effect_passes_no_test_stands_where_it_takes_nearly_all() {
     let hidden = [("encoder-scale", 2.5), ("lead-screw", 1.2), ("curvature", 2.0)]
         .map(|(name, size)| (Kind::from_name(name).unwrap(), size))
@@ -79,7 +79,7 @@ fn a_list_whose_first_effect_passes_no_test_stands_where_it_takes_nearly_all() {
 /// A screw before the encoders' scales has another period behind them, to which no downhill way leads: the list stays in the order that
 /// explains.
 #[test]
-#[ignore = "tens of seconds of processor time; .ci/run runs it"]
+#[ignore = "tens of seconds of processor time; .ci/long runs it"]
 fn a_list_that_explains_less_in_the_order_of_its_sizes_stays_in_its_own() {
     let hidden = [("compliance", 2.5), ("bend-friction", 1.5), ("encoder-scale", 2.0), ("lead-screw", 1.2)]
         .map(|(name, size)| (Kind::from_name(name).unwrap(), size))

@@ -173,7 +173,7 @@ fn the_number_of_threads_does_not_change_a_byte_of_the_answer() {
 fn of_a_long_recording_in_trials_two_effects_are_found_whatever_the_number_of_threads() {
     // More rows than effects are tried on, and than are predicted as one stretch.
     let hidden = [term("twist", &[0.06]), term("backlash", &[7e-5])];
-    let data = made_on(motion_of(40_000, 4), &hidden, 11);
+    let data = made_on(motion_of(30_400, 4), &hidden, 11);
     let options = DiagnoseOptions { max_effects: 2, ..DiagnoseOptions::default() };
     let answer = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
