@@ -3,6 +3,7 @@
 //! A terminal that is held (Ctrl-S), a full pipe or a slow disk would block whoever writes to it. So lines go into a bounded
 //! queue, a thread of its own writes them, and what does not fit is counted and told when there is room again.
 
+use crate::supervisor::SUPERVISOR_PID;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use core::time::Duration;
 use std::io::{self, Write, stderr};
@@ -41,7 +42,8 @@ pub fn start() -> Log {
     let _one_log_only = QUEUE.set(lines.clone());
     let writer = tracing_subscriber::fmt::layer().with_writer(lines);
     tracing_subscriber::registry().with(writer.with_filter(filter)).init();
-    if refused {
+    // Once: its processes have the same environment as the chain.
+    if refused && std::env::var_os(SUPERVISOR_PID).is_none() {
         let found = asked.unwrap_or_default();
         tracing::warn!(
             "KRAIT_LOG is {found:?}: expected levels, as info or warn,krait_slave=debug; warnings are logged"
