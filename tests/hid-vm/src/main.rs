@@ -111,7 +111,11 @@ fn run_all<const N: usize>(parts: [Part; N]) -> bool {
     let mut all = true;
     let only = std::env::var("KRAIT_HID_VM_ONLY").unwrap_or_default();
     let is_wanted = |name: &str| only.is_empty() || only.split(',').any(|wanted| wanted == name);
-    for (name, mut part) in parts.into_iter().filter(|(name, _)| is_wanted(name)) {
+    let Some((first, step)) = share(&std::env::var("KRAIT_HID_VM_SHARE").unwrap_or_default()) else {
+        println!("HID-VM share FAIL KRAIT_HID_VM_SHARE is not as 1/2, the first half of the parts, or nothing");
+        return false;
+    };
+    for (name, mut part) in parts.into_iter().skip(first).step_by(step).filter(|(name, _)| is_wanted(name)) {
         match part() {
             Ok(verdict) => {
                 all &= verdict.passed();
@@ -124,6 +128,16 @@ fn run_all<const N: usize>(parts: [Part; N]) -> bool {
         }
     }
     all
+}
+
+/// The first part, from 0, and how many machines share the parts in turn: `1/2` is every second part from the first on.
+fn share(text: &str) -> Option<(usize, usize)> {
+    if text.is_empty() {
+        return Some((0, 1));
+    }
+    let (own, all) = text.split_once('/')?;
+    let (own, all): (usize, usize) = (own.parse().ok()?, all.parse().ok()?);
+    (1..=all).contains(&own).then(|| (own - 1, all))
 }
 
 /// How `KRAIT_HID_VM_FAULT` spoils the device of the parts that heed it.
