@@ -32,8 +32,11 @@ fetch() {
 }
 
 # fetch_with_needs CACHE PACKAGE: a program's package with what it needs and this machine lacks, unpacked beside QEMU; false where it cannot be had.
-fetch_with_needs() {
-  local cache=$1 name=$2 packages sandbox=()
+fetch_with_needs() (
+  cache=$1 name=$2 sandbox=()
+  # Rigs share the folder and may run beside each other; the lock is let go with this shell.
+  exec {lock}>"$cache/lock"
+  flock "$lock"
   [ ! -e "$cache/complete-$name" ] || return 0
   packages=$(apt-get install -s --no-install-recommends "$name" 2>"$cache/apt.log" | awk '/^Inst/ && $3 !~ /^\[/ {print $2}') || return 1
   [ -n "$packages" ] || packages=$name
@@ -44,7 +47,7 @@ fetch_with_needs() {
   for deb in "$cache"/debs/*.deb; do dpkg -x "$deb" "$cache/root"; done
   rm -rf "$cache/debs"
   touch "$cache/complete-$name"
-}
+)
 
 # add_debian_program CACHE TREE PATH: a program that was unpacked, with its libraries from there or from this machine.
 add_debian_program() {
