@@ -14,6 +14,8 @@ use tungstenite::{Message, WebSocket};
 
 /// Names under which distributions install it.
 const PROGRAMS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+/// Done once a document has been painted twice.
+const PAINTED: &str = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))";
 /// The call that asks a page for a script's value.
 const EVALUATE: &str = "Runtime.evaluate";
 /// What the browser says of a script that was asked while the page loaded anew.
@@ -223,6 +225,16 @@ impl BrowserPage {
     /// The value of a script in such a session, awaited.
     pub fn value_in(&mut self, session: &str, script: &str) -> Value {
         value_of(script, &self.evaluated(Some(session.to_owned()), script))
+    }
+
+    /// Waits until such a session's document has been painted twice: what its scripts changed before is to be seen.
+    pub fn painted_in(&mut self, session: &str) {
+        self.value_in(session, PAINTED);
+    }
+
+    /// The same of the page's own document.
+    pub fn painted(&mut self) {
+        self.value(PAINTED);
     }
 
     /// Begins a script in such a session and waits for nothing.

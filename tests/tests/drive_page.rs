@@ -500,7 +500,7 @@ impl Hand<'_> {
         let mut before = self.dial();
         for _ in 0..100 {
             std::thread::sleep(Duration::from_millis(100));
-            self.page.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
+            self.page.painted();
             let now = self.dial();
             if (now[0] - before[0]).hypot(now[1] - before[1]) < 2.0 {
                 return now;

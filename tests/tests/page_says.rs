@@ -93,7 +93,7 @@ fn three_reasons_are_read_whole_at_every_size_and_more_are_counted() {
             for theme in ["dark", "light"] {
                 page.in_theme(theme);
                 page.wait_for(&format!("all three at {width}: {says:?}"), &are_shown);
-                page.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
+                page.painted();
                 assert_eq!(page.value(CUT), json!(""), "{width} x {height}, {theme}: {says:?}");
                 assert_eq!(page.text("#why-more"), "", "{width} x {height}, {theme}: {says:?}");
                 assert_eq!(page.text("#worst span"), says[0], "{width} x {height}, {theme}");

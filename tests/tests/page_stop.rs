@@ -26,9 +26,6 @@ const HANG: &str = "setTimeout(() => {
     try { ask.send(); } finally { for (;;); }
 }, 0); 0";
 
-/// Done once a document has been painted twice.
-const PAINTED: &str = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))";
-
 /// Takes the focus to the page's body, or into a field of this kind that is made for it.
 const FOCUS: &str = "(place => {
     window.focus();
@@ -71,8 +68,8 @@ fn stop_there(page: &mut BrowserPage, console: &Console) -> String {
     let loaded = format!("document.readyState === 'complete' && location.pathname === '{}'", console.stop_path());
     let is_loaded = wait_until(PATIENCE, || page.value_in(&stop, &loaded) == true);
     assert!(is_loaded, "the stop's own document");
-    page.value_in(&stop, PAINTED);
-    page.value(PAINTED);
+    page.painted_in(&stop);
+    page.painted();
     stop
 }
 
