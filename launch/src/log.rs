@@ -32,19 +32,19 @@ pub fn say(text: &str) {
 /// Starts logging: warnings unless KRAIT_LOG says otherwise, as `info` or `warn,krait_slave=debug`. Keep what comes back until the
 /// end of the program.
 pub fn start() -> Log {
-    let usual = || Targets::new().with_default(LevelFilter::WARN).with_target("iceoryx2", LevelFilter::ERROR);
+    let usual = Targets::new().with_default(LevelFilter::WARN).with_target("iceoryx2", LevelFilter::ERROR);
     let asked = std::env::var_os("KRAIT_LOG").map(|text| text.to_string_lossy().into_owned());
-    let parsed = asked.as_deref().map(str::parse::<Targets>);
-    let refused = parsed.as_ref().is_some_and(Result::is_err);
-    let filter = parsed.and_then(Result::ok).unwrap_or_else(usual);
+    let (filter, refused) = match asked {
+        None => (usual, None),
+        Some(text) => text.parse().map_or((usual, Some(text)), |filter| (filter, None)),
+    };
     let (log, lines) = Log::new(stderr);
     // The first queue is the one: a program starts its log once.
     let _one_log_only = QUEUE.set(lines.clone());
     let writer = tracing_subscriber::fmt::layer().with_writer(lines);
     tracing_subscriber::registry().with(writer.with_filter(filter)).init();
     // Once: its processes have the same environment as the chain.
-    if refused && std::env::var_os(SUPERVISOR_PID).is_none() {
-        let found = asked.unwrap_or_default();
+    if let Some(found) = refused.filter(|_| std::env::var_os(SUPERVISOR_PID).is_none()) {
         tracing::warn!(
             "KRAIT_LOG is {found:?}: expected levels, as info or warn,krait_slave=debug; warnings are logged"
         );
