@@ -126,6 +126,14 @@ pub enum OpenError {
         /// Its number on the bus.
         id: u8,
     },
+    /// The count that a drive shall be told as its zero was not chosen.
+    #[error(
+        "actuator {actuator} has no zero_count, the count that its drive is to read at zero: an incremental encoder has none by itself; choose one far from 0, such as 1000000, and run `krait drives --zero` again"
+    )]
+    ZeroNotChosen {
+        /// Which, from 1.
+        actuator: usize,
+    },
     /// The configuration has no zero.
     #[error(
         "actuator {actuator} has no zero_count; bring its line or joint to zero and find it with `krait drives --zero`"

@@ -1,6 +1,6 @@
 //! krait-drives: actuators that people own, behind the slave's seam.
 //!
-//! Purpose: [`BusDrive`] is a drive over any [`ActuatorBus`]: it has the units, the age of readings, the judgement of XX
+//! Purpose: [`BusDrive`] is a drive over any [`ActuatorBus`]: it has the units, the age of readings and the judgement of each actuator.
 //!
 //! Frames and units: see `docs/NOTATION.md`. SI; q~ is push positive; counts are an encoder's own.
 #![forbid(unsafe_code)]

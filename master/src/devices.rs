@@ -129,9 +129,9 @@ pub struct DeviceInfo {
 }
 
 impl DeviceInfo {
-    /// The line for udev that lets the user of this seat open it.
+    /// The line for udev that lets the user of this seat open it, and no other device of its maker.
     pub fn udev_rule(&self) -> String {
-        udev_rule(self.vendor_id)
+        udev_rule(self.vendor_id, self.product_id)
     }
 }
 

@@ -234,7 +234,7 @@ fn unreadable(device: &DeviceInfo, source: io::Error) -> MasterError {
         name: named(device),
         path: device.path.clone(),
         source,
-        rule: udev_rule(device.vendor_id),
+        rule: device.udev_rule(),
         rules_file: RULES_FILE,
     }
 }
@@ -243,8 +243,11 @@ fn named(device: &DeviceInfo) -> String {
     format!("{:04x}:{:04x} {:?}", device.vendor_id, device.product_id, device.product)
 }
 
-pub(crate) fn udev_rule(vendor_id: u16) -> String {
-    format!("KERNEL==\"hidraw*\", ATTRS{{idVendor}}==\"{vendor_id:04x}\", MODE=\"0660\", TAG+=\"uaccess\"")
+/// One device's line: a vendor's keyboards stay closed.
+pub(crate) fn udev_rule(vendor_id: u16, product_id: u16) -> String {
+    format!(
+        "KERNEL==\"hidraw*\", ATTRS{{idVendor}}==\"{vendor_id:04x}\", ATTRS{{idProduct}}==\"{product_id:04x}\", MODE=\"0660\", TAG+=\"uaccess\""
+    )
 }
 
 fn failed(doing: &'static str, source: impl ToString) -> MasterError {
@@ -281,8 +284,11 @@ mod tests {
     #[test]
     fn an_unreadable_device_is_told_with_the_rule_to_add() {
         let error = unreadable(&device("/dev/hidraw3"), io::Error::from(io::ErrorKind::PermissionDenied));
-        let rule = udev_rule(0x046d);
-        assert_eq!(rule, r#"KERNEL=="hidraw*", ATTRS{idVendor}=="046d", MODE="0660", TAG+="uaccess""#);
+        let rule = device("/dev/hidraw3").udev_rule();
+        assert_eq!(
+            rule,
+            r#"KERNEL=="hidraw*", ATTRS{idVendor}=="046d", ATTRS{idProduct}=="c626", MODE="0660", TAG+="uaccess""#
+        );
         let text = error.to_string();
         for part in ["/dev/hidraw3", "permission denied", "70-krait.rules", "udevadm control --reload", &rule] {
             assert!(text.contains(part), "{text}");

@@ -364,7 +364,8 @@ fn a_calibration_that_gets_no_answer_writes_nothing_and_never_moves_a_stranger()
     let failing = begun();
     emulator.wire().servos[1].faults.is_silent = true;
     let ended = failing.end(PATIENCE);
-    assert!(ended.sentence().contains("rive 2"), "{}", ended.stderr);
+    let is_said = ended.sentence().contains("rive 2") && ended.sentence().contains("power was taken from all");
+    assert!(is_said && !ended.sentence().contains("hold"), "{}", ended.stderr);
     emulator.wire().servos.remove(1);
     assert!(emulator.wire().servos.iter().all(|servo| !servo.is_powered()), "those that hear are without power");
 }

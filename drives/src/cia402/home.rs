@@ -1,6 +1,6 @@
 //! Tells drives that their zero is where they stand: homing by method 37, which moves nothing, under power for a moment.
 
-use super::node::Order;
+use super::node::{Node, Order};
 use super::open::{interface, setup};
 use super::port::CanPort;
 use super::scan::set;
@@ -17,15 +17,22 @@ const PATIENCE_NS: i64 = 5_000_000_000;
 /// How far what a drive reads afterwards may be from its zero, counts.
 const NEAR_COUNTS: u32 = 50;
 
-/// Makes `zero_count` of each drive what it reads where it stands now; the power is off again afterwards.
+/// Makes `zero_count` of each drive with an incremental encoder what it reads where it stands now; the power is off again afterwards.
+/// Those that keep their count get none, whatever `zero_count` they have. Gives what all read then.
 ///
 /// # Errors
 /// [`OpenError`]; in a dry run before the bus is touched.
-pub fn home_here(config: &SlaveConfig) -> Result<(), OpenError> {
+pub fn home_here(config: &SlaveConfig) -> Result<Seen, OpenError> {
     may_have_power(config)?;
-    setup(config)?;
-    let (mut bus, mut seen) = Cia402::open(config, CanPort::open(interface(&config.drive)?)?)?;
-    bus.home(config, &mut seen)
+    let mut config = config.clone();
+    zeros(&config)?;
+    // A zero of before, or none, must keep nobody from a new one.
+    let kept = config.drive.actuator.iter_mut().filter(|actuator| actuator.is_absolute);
+    kept.for_each(|actuator| actuator.zero_count = Some(0));
+    setup(&config)?;
+    let (mut bus, mut seen) = Cia402::open(&config, CanPort::open(interface(&config.drive)?)?)?;
+    bus.home(&config, &mut seen)?;
+    Ok(seen)
 }
 
 /// A dry run gives no power, not for a moment either.
@@ -36,24 +43,36 @@ fn may_have_power(config: &SlaveConfig) -> Result<(), OpenError> {
     }
 }
 
+/// Which drives are told their zero, and that.
+fn zeros(config: &SlaveConfig) -> Result<Vec<(usize, i32)>, OpenError> {
+    let told = config.drive.actuator.iter().enumerate().filter(|(_, actuator)| !actuator.is_absolute);
+    told.map(|(k, own)| Ok((k, own.zero_count.ok_or(OpenError::ZeroNotChosen { actuator: k + 1 })?))).collect()
+}
+
 impl<W: Wire> Cia402<W> {
-    /// Homes all drives where they stand.
+    /// Homes the drives that forget their count where they stand; the others stand by without power.
     pub(crate) fn home(&mut self, config: &SlaveConfig, seen: &mut Seen) -> Result<(), OpenError> {
         may_have_power(config)?;
-        let zeros: Vec<i32> = config.drive.actuator.iter().map(|actuator| actuator.zero_count.unwrap_or(0)).collect();
-        for (k, zero) in zeros.iter().enumerate() {
-            self.set(k, HOMING_METHOD, METHOD_HERE, 1)?;
-            self.set(k, HOME_OFFSET, zero.cast_unsigned(), 4)?;
-            self.set(k, MODE, MODE_HOMING, 1)?;
+        let zeros = zeros(config)?;
+        for (k, zero) in &zeros {
+            self.set(*k, HOMING_METHOD, METHOD_HERE, 1)?;
+            self.set(*k, HOME_OFFSET, zero.cast_unsigned(), 4)?;
+            self.set(*k, MODE, MODE_HOMING, 1)?;
         }
+        let stand_by = |bus: &mut Self, is_so: bool| {
+            let nodes = bus.nodes.iter_mut().zip(&config.drive.actuator);
+            nodes.for_each(|(node, actuator)| node.stands_by = is_so && actuator.is_absolute);
+        };
+        stand_by(self, true);
         let homed = self.home_all(config, seen);
         // Whatever became of it, nobody stays under power.
         let off = self.until(config, seen, Order::Off, |_, has_power| !has_power);
-        for k in 0..zeros.len() {
-            self.set(k, MODE, MODE_CSP, 1)?;
+        stand_by(self, false);
+        for (k, _) in &zeros {
+            self.set(*k, MODE, MODE_CSP, 1)?;
         }
         homed.and(off)?;
-        for (k, zero) in zeros.into_iter().enumerate() {
+        for (k, zero) in zeros {
             let found = seen.counts[k];
             if found.abs_diff(zero) > NEAR_COUNTS {
                 return Err(OpenError::OtherZero { actuator: k + 1, id: self.nodes[k].id, found, expected: zero });
@@ -87,10 +106,10 @@ impl<W: Wire> Cia402<W> {
             }
             self.ask(seen)?;
             let mut all = self.nodes.iter().zip(&seen.is_powered);
-            let Some(late) = all.position(|(node, has_power)| !is_done(node.status, *has_power)) else { return Ok(()) };
-            let failed = self.nodes.iter().position(|node| {
-                order == Order::Home && (homing(node.status) == Some(false) || is_failed(node.status))
-            });
+            let is_late = |node: &Node, has_power| !node.stands_by && !is_done(node.status, has_power);
+            let Some(late) = all.position(|(node, has_power)| is_late(node, *has_power)) else { return Ok(()) };
+            let has_failed = |node: &Node| homing(node.status) == Some(false) || is_failed(node.status);
+            let failed = self.nodes.iter().position(|node| order == Order::Home && !node.stands_by && has_failed(node));
             if failed.is_some() || now_ns > end_ns {
                 let actuator = failed.unwrap_or(late);
                 let (id, status) = (self.nodes[actuator].id, self.nodes[actuator].status);

@@ -98,6 +98,8 @@ pub(crate) struct Node {
     has_had_voltage: bool,
     /// It is another one than configured, or refuses what it must do; not yet named.
     is_stranger: bool,
+    /// Others are homed, and this one gets no power meanwhile.
+    pub stands_by: bool,
 }
 
 impl Node {
@@ -128,6 +130,7 @@ impl Node {
             emergencies: Emergencies::default(),
             has_had_voltage: false,
             is_stranger: false,
+            stands_by: false,
         }
     }
 
@@ -298,6 +301,7 @@ impl Node {
     /// The control word of a cycle.
     pub(crate) fn control(&self, order: Order, n_tried: u32) -> u16 {
         match order {
+            _ if self.stands_by => DISABLE_VOLTAGE,
             Order::Ask | Order::Off => DISABLE_VOLTAGE,
             Order::Switch => toward_enabled(self.status, n_tried),
             Order::Follow if self.is_out => QUICK_STOP,

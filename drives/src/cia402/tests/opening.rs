@@ -206,6 +206,24 @@ fn homing_where_they_stand_gives_the_zero_and_moves_nothing() {
 }
 
 #[test]
+fn a_drive_that_keeps_its_count_is_not_homed_beside_others_and_gets_no_power() {
+    let (bus, mut config) = three();
+    (config.drive.actuator[1].is_absolute, config.drive.actuator[1].zero_count) = (true, Some(0));
+    for k in [0, 2] {
+        bus.lock().with(k, |drive, out| drive.power_loss(out));
+    }
+    let (mut can, mut seen) = opened(&bus, &config).unwrap();
+    // It would be named if it were told to get power.
+    bus.lock().with(1, |drive, out| drive.press_emergency_stop(None, out));
+    can.home(&config, &mut seen).unwrap();
+    assert_eq!(seen.counts[..3], [ZERO, ZERO + 2, ZERO]);
+    assert_eq!(bus.lock().drives[1].object(0x6098, 0), 0, "it was told no homing method");
+    config.drive.actuator[2].zero_count = None;
+    let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
+    assert!(sentence.contains("actuator 3 has no zero_count") && sentence.contains("choose one"), "{sentence}");
+}
+
+#[test]
 fn in_a_dry_run_drives_are_not_homed_because_that_takes_power() {
     let (bus, mut config) = three();
     config.drive.mode = DriveMode::Dry;

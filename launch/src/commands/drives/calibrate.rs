@@ -77,9 +77,7 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     }
     let mut hand = Hand { motion, slave: &slave, units: &units, settle_ticks, window_ticks, stop: &stop };
     let asked = hand.ask_all();
-    let ended = hand.motion.end();
-    let (answers, ways) = asked.context("nothing is written")?;
-    ended?;
+    let (answers, ways) = hand.motion.end_after(asked).context("nothing is written")?;
     agree(&answers, &ways).context("nothing is written")?;
     let found: Vec<Found> = (0..answers.len()).map(|k| found(&slave, k, &answers[k], ways[k])).collect();
     let jaw = slave.drive.actuator.get(found.len()..).unwrap_or_default();

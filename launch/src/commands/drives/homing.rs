@@ -92,13 +92,7 @@ pub(super) fn zeros(config: &SlaveConfig, counts: &[i32], stop: &AtomicBool) -> 
     traits.check(&SlaveConfig { limits, ..search.clone() })?;
     let mut hand = Hand { motion: Motion::begin(drive, &search)?, config: &search, stop };
     let found = hand.all();
-    let found = match (found, hand.motion.end()) {
-        (found, Ok(())) => found?,
-        (Ok(_), Err(ending)) => return Err(ending.context("stops were found, and the power could not be taken away")),
-        (Err(error), Err(ending)) => {
-            return Err(error.context(format!("the power could not be taken away either ({ending:#})")));
-        }
-    };
+    let found = hand.motion.end_after(found)?;
     let mut zeros = counts.to_vec();
     for (k, way_m) in found {
         zeros[k] = Units::new(&search.drive.actuator[k], k + 1, ServoMake::COUNTS_PER_TURN)?.counts(way_m);

@@ -31,11 +31,10 @@ pub(super) fn run(common: &Common, actuator: usize, step_mm: f64) -> anyhow::Res
     drive.traits().check(&config)?;
     let mut motion = Motion::begin(drive, &config)?;
     print::out(&format!(
-        "Actuator {actuator} is under power. Enter: one step of {step_mm} mm; - and Enter: back; Ctrl-D ends.\n"
+        "Actuator {actuator} is under power. Enter: one step of {step_mm} mm; - and Enter: back; Ctrl-D ends. What is pressed during a step does nothing.\n"
     ))?;
     let moved = serve(&mut motion, &lines(), actuator, step_mm * 1e-3, &stop);
-    let ended = motion.end();
-    moved.and(ended)?;
+    motion.end_after(moved)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -63,8 +62,7 @@ fn serve(
         match lines.recv_timeout(TICK) {
             Ok(line) => {
                 if motion.take_hold_again()? {
-                    // What was pressed meanwhile was not pressed for this.
-                    while lines.try_recv().is_ok() {}
+                    forget_pressed(lines);
                     print::out(
                         "the drives had stopped, because this program stood still; they are engaged anew, and the next key is a step\n",
                     )?;
@@ -84,6 +82,8 @@ fn serve(
                 }
                 let [told, read] =
                     [step.state.setpoint_q_m, step.state.measured_q_m].map(|q_m| shown_mm(q_m[actuator - 1]));
+                // A key that is held repeats faster than steps are made: the motion would go on long after it was let go.
+                forget_pressed(lines);
                 print::out(&format!("told {told:.3} mm, reads {read:.3} mm from zero (push positive)\n"))?;
             }
             Err(RecvTimeoutError::Timeout) => drop(motion.keep()?),
@@ -91,6 +91,11 @@ fn serve(
         }
     }
     Ok(())
+}
+
+/// What was pressed meanwhile was not pressed for what comes now.
+fn forget_pressed(lines: &Receiver<String>) {
+    while lines.try_recv().is_ok() {}
 }
 
 /// To a thousandth of a millimetre, and never "-0.000".

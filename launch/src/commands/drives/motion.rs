@@ -147,6 +147,15 @@ impl Motion {
         Ok(())
     }
 
+    /// The same after work, whatever became of that; where the power cannot be taken away, that is said before anything else.
+    pub(super) fn end_after<T>(&mut self, done: anyhow::Result<T>) -> anyhow::Result<T> {
+        match (done, self.end()) {
+            (done, Ok(())) => done,
+            (Ok(_), Err(ending)) => Err(ending.context("the power could not be taken away")),
+            (Err(error), Err(ending)) => Err(error.context(format!("the power could not be taken away ({ending:#})"))),
+        }
+    }
+
     fn tick(&mut self) -> anyhow::Result<SlaveState> {
         std::thread::sleep(TICK);
         let now_ns = monotonic_ns();
@@ -174,12 +183,13 @@ impl Motion {
         self.look(now_ns)
     }
 
-    /// Reads the drives; a fault ends it.
+    /// Reads the drives; a fault ends it, and says what becomes of the power.
     fn look(&mut self, now_ns: i64) -> anyhow::Result<SlaveState> {
         let state = self.core.report(now_ns);
         if state.operating() == Some(OperatingState::Fault) {
             let error = self.core.drive_error().context("the drives are in FAULT")?;
-            return Err(error.into());
+            // Whoever asked ends now, and with it the power of all, whatever `on_fault` says of a chain.
+            bail!("{}", error.sentence(false));
         }
         Ok(state)
     }

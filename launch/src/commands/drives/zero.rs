@@ -86,19 +86,29 @@ fn counts(mut config: SlaveConfig) -> Result<Seen, OpenError> {
     }
 }
 
-/// Makes the configured zeros what drives with incremental encoders read where they stand.
+/// Makes the configured zeros what drives with incremental encoders read where they stand; of those that keep their count, what they
+/// read is the zero.
 fn tell_drives(config: &SlaveConfig, text: &str, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
-    home_here(config)?;
-    let actuators = config.drive.actuator.iter().enumerate();
+    let seen = home_here(config)?;
+    let actuators = config.drive.actuator.iter().zip(seen.counts).enumerate();
     let zeros: Vec<Zero> = actuators
-        .filter_map(|(k, actuator)| Some(Zero { actuator: k + 1, id: actuator.id, zero_count: actuator.zero_count? }))
+        .map(|(k, (actuator, zero_count))| {
+            let zero_count = if actuator.is_absolute { zero_count } else { actuator.zero_count.unwrap_or(zero_count) };
+            Zero { actuator: k + 1, id: actuator.id, zero_count }
+        })
         .collect();
     let counts: Vec<i32> = zeros.iter().map(|zero| zero.zero_count).collect();
     let n_changed = numbers::write(args, text, &ZERO_COUNT, &counts)?;
     if args.json {
         print::json(&zeros)?;
     } else {
-        let said = "The drives read their zero_count where they stand now, until they lose their power.\n".to_owned();
+        let mut said =
+            "The drives read their zero_count where they stand now, until they lose their power.\n".to_owned();
+        for (Zero { actuator, id, zero_count }, own) in zeros.iter().zip(&config.drive.actuator) {
+            if own.is_absolute {
+                said += &format!("zero_count = {zero_count}  # actuator {actuator}, id {id}, which keeps its count\n");
+            }
+        }
         print::out(&(said + &numbers::sentence(args.out.as_deref(), n_changed, "zeros")))?;
     }
     Ok(ExitCode::SUCCESS)

@@ -46,7 +46,9 @@ pub fn unreadable() -> anyhow::Result<PartVerdict> {
     let sentence = sentences.first().copied().unwrap_or_default();
     verdict.check("names_path", sentence.contains(&node), &node);
     verdict.check("names_why", sentence.contains("Permission denied"), "permission");
-    let rule = format!(r#"KERNEL=="hidraw*", ATTRS{{idVendor}}=="{VENDOR_ID:04x}""#);
+    let product_id = Model::Compact.product_id();
+    let rule =
+        format!(r#"KERNEL=="hidraw*", ATTRS{{idVendor}}=="{VENDOR_ID:04x}", ATTRS{{idProduct}}=="{product_id:04x}""#);
     verdict.check("names_rule", sentence.contains(&rule) && sentence.contains("/etc/udev/rules.d/"), "udev");
     mouse.permit(0o666)?;
     verdict.check("may_open_0666", may_open()? == Some(true), "yes");
