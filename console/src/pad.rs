@@ -143,7 +143,11 @@ pub fn carry(bus: &Bus, orders: &PadQueue, stop: &AtomicBool) -> Result<(), Cons
                     writer = match bus.writer() {
                         Ok(opened) => Some(opened),
                         Err(IpcError::SecondWriter { .. }) => None,
-                        Err(error) => return Err(error.into()),
+                        // The next page that asks may have more luck.
+                        Err(error) => {
+                            tracing::warn!("a page could not be given the pad: {error}");
+                            None
+                        }
                     };
                 }
                 if reply.send(writer.is_some()).is_err() {

@@ -57,11 +57,6 @@ impl Wish {
             Self::ClearFault => Transition::ClearFault,
         }
     }
-
-    /// Whether asking twice can do no harm.
-    fn is_safer(self) -> bool {
-        matches!(self, Self::Disable | Self::Pause)
-    }
 }
 
 /// What became of a wish.
@@ -177,7 +172,7 @@ impl Clerk<'_> {
         while !stop.load(Ordering::Relaxed) {
             let patience = if self.pending.is_empty() { 20 * LOOK_EVERY } else { LOOK_EVERY };
             match self.asked.recv_timeout(patience) {
-                Ok(asked) => self.take(asked)?,
+                Ok(asked) => self.take(asked),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
             }
@@ -186,38 +181,40 @@ impl Clerk<'_> {
         Ok(())
     }
 
-    fn take(&mut self, asked: Asked) -> Result<(), ConsoleError> {
+    fn take(&mut self, asked: Asked) {
         let now_ns = clock::monotonic_ns();
         if now_ns - asked.at_ns > EXPIRY_NS {
-            answer(asked, WishOutcome::not_done("It was not sent: it came too late."));
-            return Ok(());
+            return answer(asked, WishOutcome::not_done("It was not sent: it came too late."));
         }
         if !self.bus.members().iter().any(|(name, _)| name == "launch") {
-            answer(asked, WishOutcome::not_done("No chain runs here."));
-            return Ok(());
+            return answer(asked, WishOutcome::not_done("No chain runs here."));
         }
-        let Some(request) = self.send(asked.wish.transition(), now_ns)? else {
-            answer(asked, WishOutcome::not_done("Too many programs ask for something at once."));
-            return Ok(());
+        let request = match self.send(asked.wish.transition(), now_ns) {
+            Ok(request) => request,
+            Err(say) => return answer(asked, WishOutcome::not_done(say)),
         };
-        let again_ns = asked.wish.is_safer().then_some(now_ns + AGAIN_NS);
+        let again_ns = asked.wish.transition().ends_motion().then_some(now_ns + AGAIN_NS);
         self.pending.push(Pending { asked, requests: vec![request], again_ns, deadline_ns: now_ns + PATIENCE_NS });
-        Ok(())
     }
 
-    fn send(&mut self, transition: Transition, now_ns: i64) -> Result<Option<StateRequest>, ConsoleError> {
-        if self.writer.is_none() {
-            self.writer = match self.bus.writer() {
-                Ok(writer) => Some(writer),
-                Err(IpcError::SecondWriter { .. }) => return Ok(None),
-                Err(error) => return Err(error.into()),
-            };
-        }
-        let Some(writer) = &mut self.writer else { return Ok(None) };
+    /// What cannot be sent now is told to whoever asked, and the next wish is tried anew: this thread ends for nobody's memory.
+    fn send(&mut self, transition: Transition, now_ns: i64) -> Result<StateRequest, &'static str> {
+        let failed = |error: &IpcError| {
+            tracing::warn!("a command of a page could not be sent: {error}");
+            "It could not be sent to the chain; see the console\u{2019}s terminal."
+        };
+        let mut writer = match self.writer.take() {
+            Some(writer) => writer,
+            None => self.bus.writer().map_err(|error| match error {
+                IpcError::SecondWriter { .. } => "Too many programs ask for something at once.",
+                error => failed(&error),
+            })?,
+        };
         self.n_sent += 1;
         let request = StateRequest::new(self.n_sent, now_ns, transition);
-        writer.send(&request)?;
-        Ok(Some(request))
+        writer.send(&request).map_err(|error| failed(&error))?;
+        self.writer = Some(writer);
+        Ok(request)
     }
 
     fn look(&mut self) -> Result<(), ConsoleError> {
@@ -237,7 +234,8 @@ impl Clerk<'_> {
             } else if self.pending[position].again_ns.is_some_and(|again_ns| now_ns >= again_ns) {
                 self.pending[position].again_ns = None;
                 let transition = self.pending[position].asked.wish.transition();
-                if let Some(request) = self.send(transition, now_ns)? {
+                // Asked once it is already.
+                if let Ok(request) = self.send(transition, now_ns) {
                     self.pending[position].requests.push(request);
                 }
             }
@@ -272,6 +270,7 @@ fn outcome_of(wish: Wish, said: &StateAnswer) -> WishOutcome {
             Wish::ClearFault => "The fault is cleared; power is off.",
         }),
         Some(RequestOutcome::NoSlave) => WishOutcome::not_done("The drives did not answer."),
+        Some(RequestOutcome::TooLate) => WishOutcome::not_done("It came to the supervisor too late, and was not done."),
         Some(RequestOutcome::Refused) | None => {
             WishOutcome::not_done(format!("Refused: the drives are {}.", state.to_lowercase()))
         }

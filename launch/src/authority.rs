@@ -4,8 +4,8 @@ use krait_ipc::message::{RequestOutcome, SlaveState, StateAnswer, StateCommand, 
 use krait_ipc::{Bus, IpcError, ReadOptions, Reader, Writer, clock};
 use std::collections::VecDeque;
 
-/// A slave that has not answered a state command by then is not there, ns.
-const PATIENCE_NS: i64 = 1_000_000_000;
+/// A slave that has not answered a state command by then is not there, ns; it does nothing of that later.
+const PATIENCE_NS: i64 = Transition::EXPIRES_NS;
 
 /// Commands the slave; see [`Authority::serve`].
 pub struct Authority {
@@ -79,8 +79,13 @@ impl Authority {
         }
         let Some(request) = self.waiting.pop_front() else { return Ok(()) };
         let Some(transition) = request.transition() else { return self.refuse(&request, state) };
-        if matches!(transition, Transition::Disable | Transition::Pause) {
+        if transition.ends_motion() {
             self.held_back_ns = Some(now_ns);
+        }
+        // This process stood still, or the slave did: nobody waits for it any more.
+        if transition.is_late(request.sample_ns, now_ns) {
+            tracing::warn!(sender_pid = request.sender_pid, "`{}` came too late and was not done", transition.name());
+            return self.send_answer(&request, RequestOutcome::TooLate, state);
         }
         // The request's own stamp: a stop that came behind it wins.
         let command_sequence = self.send(transition, request.sample_ns, request.sender_pid)?;
@@ -123,5 +128,36 @@ impl Authority {
             operating_state: state.operating_state,
             flags: state.flags | if state.is_letting_go() { StateAnswer::LETTING_GO } else { 0 },
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::time::Duration;
+
+    /// This process stood still meanwhile: whoever asked has given up, and only what takes motion away is still done.
+    #[test]
+    fn a_request_that_was_held_up_is_not_done_any_more_but_a_pause_is() {
+        let instance = format!("t-authority-{}", std::process::id());
+        let bus = Bus::open(&instance, "launch").expect("joined");
+        let mut authority = Authority::open(&bus).expect("the authority");
+        let asking = Bus::open(&instance, "test").expect("joined");
+        let mut requests = asking.writer::<StateRequest>().expect("a writer");
+        let mut commands = asking.reader::<StateCommand>(ReadOptions::observing()).expect("a reader");
+        let mut answers = asking.reader::<StateAnswer>(ReadOptions::observing()).expect("a reader");
+        std::thread::sleep(Duration::from_nanos(Transition::EXPIRES_NS.unsigned_abs()));
+        for (n, transition) in [Transition::Enable, Transition::Home, Transition::Pause].into_iter().enumerate() {
+            requests.send(&StateRequest::new(n as u64 + 1, authority.opened_ns + n as i64, transition)).expect("sent");
+            authority.serve(None).expect("served");
+        }
+        let mut said = Vec::new();
+        while let Some(answer) = answers.take().expect("readable") {
+            said.push(answer.outcome());
+        }
+        assert_eq!(said, [Some(RequestOutcome::TooLate); 2]);
+        let command = commands.take().expect("readable").expect("a command");
+        assert_eq!(command.transition(), Some(Transition::Pause));
+        assert!(commands.take().expect("readable").is_none());
     }
 }

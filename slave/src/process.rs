@@ -141,6 +141,13 @@ impl<D: Drive> Process<D> {
             if command.sample_ns < self.started_ns {
                 continue;
             }
+            if command.transition().is_some_and(|own| own.is_late(command.sample_ns, monotonic_ns())) {
+                tracing::warn!(
+                    sender_pid = command.sender_pid,
+                    "a command on the state came too late and was not done"
+                );
+                continue;
+            }
             let result = self.core.on_state_command(&command, monotonic_ns());
             match result {
                 // The report below says it once, with what becomes of the others.

@@ -335,7 +335,7 @@ impl<D: Drive> SlaveCore<D> {
     pub fn on_state_command(&mut self, command: &StateCommand, now_ns: i64) -> Result<(), TransitionRefused> {
         let result = match command.transition() {
             None => Err(TransitionRefused::Unknown { found: command.transition }),
-            Some(transition) if command.sample_ns <= self.stop_ns && !ends_motion(transition) => {
+            Some(transition) if command.sample_ns <= self.stop_ns && !transition.ends_motion() => {
                 Err(TransitionRefused::BeforeStop { transition })
             }
             Some(Transition::Disable) => self.disable(now_ns),
@@ -488,9 +488,4 @@ impl<D: Drive> SlaveCore<D> {
             }
         }
     }
-}
-
-/// Whether a transition can only take motion away.
-fn ends_motion(transition: Transition) -> bool {
-    matches!(transition, Transition::Disable | Transition::Pause)
 }

@@ -48,9 +48,22 @@ pub enum Transition {
 }
 
 impl Transition {
+    /// A command that was held up for longer than this is not done any more, ns: whoever asked has been told that nothing happened.
+    pub const EXPIRES_NS: i64 = 1_500_000_000;
+
     /// Every command.
     pub const ALL: [Self; 7] =
         [Self::Enable, Self::Disable, Self::Pause, Self::Resume, Self::Home, Self::Unhome, Self::ClearFault];
+
+    /// Whether it can only take motion away: such a command is done however late it comes.
+    pub fn ends_motion(self) -> bool {
+        matches!(self, Self::Disable | Self::Pause)
+    }
+
+    /// Whether it has expired by an instant; both on CLOCK_MONOTONIC, ns.
+    pub fn is_late(self, asked_ns: i64, now_ns: i64) -> bool {
+        !self.ends_motion() && now_ns - asked_ns > Self::EXPIRES_NS
+    }
 
     /// CRTK's word for it.
     pub fn name(self) -> &'static str {
@@ -62,6 +75,20 @@ impl Transition {
             Self::Home => "home",
             Self::Unhome => "unhome",
             Self::ClearFault => "clear-fault",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_takes_motion_away_is_done_however_late_it_comes() {
+        for transition in Transition::ALL {
+            assert!(!transition.is_late(5, 5 + Transition::EXPIRES_NS), "{transition:?}");
+            let ends = matches!(transition, Transition::Disable | Transition::Pause);
+            assert_eq!(transition.is_late(5, 6 + Transition::EXPIRES_NS), !ends, "{transition:?}");
         }
     }
 }

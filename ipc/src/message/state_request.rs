@@ -68,7 +68,7 @@ impl StateAnswer {
 
     /// The typed outcome, or `None` for a value that no version of krait sends.
     pub fn outcome(&self) -> Option<RequestOutcome> {
-        [RequestOutcome::Done, RequestOutcome::Refused, RequestOutcome::NoSlave]
+        [RequestOutcome::Done, RequestOutcome::Refused, RequestOutcome::NoSlave, RequestOutcome::TooLate]
             .into_iter()
             .find(|outcome| *outcome as u32 == self.outcome)
     }
@@ -84,4 +84,6 @@ pub enum RequestOutcome {
     Refused = 1,
     /// The slave did not answer.
     NoSlave = 2,
+    /// It was held up for longer than [`Transition::EXPIRES_NS`], and changed nothing.
+    TooLate = 3,
 }

@@ -169,6 +169,10 @@ impl View {
         match answer.outcome() {
             Some(RequestOutcome::Done) => {}
             Some(RequestOutcome::NoSlave) => bail!("the slave did not answer its supervisor, so nothing changed"),
+            Some(RequestOutcome::TooLate) => bail!(
+                "the request came to the supervisor more than {:.1} s after it was sent, so nothing changed; send it again",
+                Transition::EXPIRES_NS as f64 * 1e-9
+            ),
             Some(RequestOutcome::Refused) | None => bail!("{}", refusal(transition, &answer)?),
         }
         match transition {
