@@ -1,5 +1,6 @@
 //! What can keep a console from working, each in one sentence.
 
+use core::net::{IpAddr, SocketAddr};
 use krait_ipc::IpcError;
 use std::io::ErrorKind;
 
@@ -10,8 +11,10 @@ pub enum ConsoleError {
     #[error(transparent)]
     Ipc(#[from] IpcError),
     /// The listening socket.
-    #[error("{}", cannot_listen(*.port, .source))]
+    #[error("{}", cannot_listen(SocketAddr::new(*.address, *.port), .source))]
     Listen {
+        /// The address of this machine.
+        address: IpAddr,
         /// The port that was asked for.
         port: u16,
         /// What the kernel said.
@@ -32,8 +35,8 @@ pub enum ConsoleError {
 }
 
 /// What, where, found and what to do; the kernel's words only where these are not known.
-fn cannot_listen(port: u16, source: &std::io::Error) -> String {
-    let at = format!("the console cannot listen on 127.0.0.1:{port}");
+fn cannot_listen(at: SocketAddr, source: &std::io::Error) -> String {
+    let at = format!("the console cannot listen on {at}");
     let other = "choose another with --port or --stop-port, or 0 for any that is free";
     match source.kind() {
         ErrorKind::AddrInUse => {
@@ -59,7 +62,8 @@ mod tests {
     #[test]
     fn a_port_that_is_taken_is_told_without_the_kernels_numbers() {
         for kind in [98, 13] {
-            let told = ConsoleError::Listen { port: 80, source: std::io::Error::from_raw_os_error(kind) }.to_string();
+            let (address, source) = (IpAddr::from([127, 0, 0, 1]), std::io::Error::from_raw_os_error(kind));
+            let told = ConsoleError::Listen { address, port: 80, source }.to_string();
             assert!(told.contains("127.0.0.1:80") && told.contains("expected") && !told.contains("os error"), "{told}");
         }
     }

@@ -5,7 +5,7 @@ use crate::fitted::{GlanceLine, GlanceWeight};
 use crate::observer::Observer;
 use crate::words::{Level, Shown, fault_sentence};
 use krait_ipc::Reason;
-use krait_ipc::message::{OperatorInput, Shape, SlaveState};
+use krait_ipc::message::{JointValues, OperatorInput, Shape, SlaveState};
 
 /// Below this bend there is no plane to speak of, degrees.
 const PLANE_FROM_DEG: f64 = 2.0;
@@ -38,7 +38,7 @@ pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<GlanceLine> {
     if let Some(state) = newest.fresh_state(now_ns) {
         let n_segments = newest.setpoint.map_or(0, |setpoint| setpoint.n_segments());
         let of_each = match n_segments {
-            0 => joint_lines(state, newest.fresh_shape(now_ns)),
+            0 => joint_lines(state, newest.fresh_shape(now_ns), observer.tracking().rms_of_each(now_ns)),
             n => segment_lines(n, state, newest.fresh_shape(now_ns)),
         };
         lines.extend(of_each.into_iter().map(error));
@@ -97,13 +97,18 @@ fn jaw_line(wanted_rad: f64, shape: Option<&Shape>) -> String {
     format!("jaw         {} of {} deg open", number(measured_deg, 1), number(Some(wanted_rad.to_degrees()), 1))
 }
 
-fn joint_lines(state: &SlaveState, shape: Option<&Shape>) -> Vec<String> {
+fn joint_lines(state: &SlaveState, shape: Option<&Shape>, off: Option<JointValues>) -> Vec<String> {
     let measured = shape.and_then(Shape::valid_joints_rad).unwrap_or(&[]);
     let wanted = state.setpoint_joints_rad.iter().take(state.n_joints as usize);
     let line = |(at, wanted): (usize, &f64)| {
         let measured = measured.get(at).copied();
         let name = format!("joint {}", at + 1);
-        format!("{name:<12}{} of {} rad (m where it slides)", number(measured, 4), number(Some(*wanted), 4))
+        format!(
+            "{name:<12}{} of {} rad, off {} (rms of 1 s; m where it slides)",
+            number(measured, 4),
+            number(Some(*wanted), 4),
+            number(off.and_then(|off| off.get(at).copied()), 4)
+        )
     };
     wanted.enumerate().map(line).collect()
 }
@@ -212,6 +217,18 @@ mod tests {
         assert_eq!(lines[0], "segment 1   28.6 of 28.6 deg, off 0.00, plane 0 deg");
         assert_eq!(lines[1], "segment 2   22.3 of 22.9 deg, off 0.57, plane 90 deg");
         assert_eq!(segment_lines(1, &state, None)[0], "segment 1   - of 28.6 deg, off -, plane - deg");
+    }
+
+    #[test]
+    fn each_joint_has_a_line_with_its_error() {
+        let mut state = SlaveState { n_joints: 2, ..SlaveState::default() };
+        state.setpoint_joints_rad[..2].copy_from_slice(&[0.5, -0.1]);
+        let mut off = JointValues::default();
+        off[..2].copy_from_slice(&[0.0021, 0.0]);
+        let lines = joint_lines(&state, Some(&Shape::of_joints(1, 1, 1, &[0.502, -0.1])), Some(off));
+        assert_eq!(lines[0], "joint 1     0.5020 of 0.5000 rad, off 0.0021 (rms of 1 s; m where it slides)");
+        assert_eq!(lines[1], "joint 2     -0.1000 of -0.1000 rad, off 0.0000 (rms of 1 s; m where it slides)");
+        assert!(joint_lines(&state, None, None)[1].contains(" - of -0.1000 rad, off - ("));
     }
 
     #[test]

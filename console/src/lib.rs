@@ -30,6 +30,7 @@ mod recordings;
 mod server;
 mod snapshot;
 mod stop;
+mod stop_door;
 mod tracking;
 mod watch;
 mod whole_body;

@@ -1,5 +1,6 @@
 //! Recordings and the lab over HTTP: lists, films, measurements that a page hands over, jobs. Only a page with the token.
 
+mod dropped;
 mod order;
 
 use crate::columns;
@@ -120,7 +121,7 @@ impl Library {
     fn write(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, String> {
         let path = self.folder.join(name);
         let written = std::fs::create_dir_all(&self.folder).and_then(|()| std::fs::write(&path, bytes));
-        written.map(|()| path).map_err(|error| format!("{} could not be written: {error}.", self.folder.display()))
+        written.map(|()| path).map_err(|error| unwritten(&self.folder, &error))
     }
 
     /// Where a new model goes; never over the model to begin with or a mapping.
@@ -130,6 +131,11 @@ impl Library {
         }
         Ok(self.folder.join(name))
     }
+}
+
+/// What is said of a folder that takes no file.
+fn unwritten(folder: &FilePath, error: &std::io::Error) -> String {
+    format!("{} could not be written: {error}.", folder.display())
 }
 
 /// A name that a page may give to a file: no folder, nothing hidden, nothing that a shell or a page would read otherwise.
@@ -301,8 +307,8 @@ async fn hand_over(
             .into_response();
     }
     let of = Arc::clone(&shared);
-    match reading(&shared.library, move || of.library.write(&name, &body)).await {
-        Some(Ok(_)) => StatusCode::NO_CONTENT.into_response(),
+    match reading(&shared.library, move || dropped::take(&of.library.folder, &name, &body)).await {
+        Some(Ok(taken)) => json(&taken),
         Some(Err(why)) => (StatusCode::INSUFFICIENT_STORAGE, why).into_response(),
         None => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }

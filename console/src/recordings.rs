@@ -3,9 +3,12 @@
 //! A page names a recording by a name from the list, never by a path. Reading happens on a thread of its own, one recording
 //! at a time, and the list remembers what it has read.
 
+use crate::snapshot::NewestSamples;
+use crate::tracking::LiveTracking;
+use core::ops::Range;
 use krait_ipc::clock;
-use krait_ipc::message::{ModelUpdate, OperatingState};
-use krait_record::{Contents, Missing, Recording, RecordingReadError, samples_between};
+use krait_ipc::message::{ModelUpdate, OperatingState, Setpoint, Shape};
+use krait_record::{Contents, Missing, Recorded, Recording, RecordingReadError, samples_between};
 use krait_schema::{Channel, Sample};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -19,6 +22,8 @@ const RATE_HZ: f64 = 30.0;
 const MOST_PICTURES: usize = 36_000;
 /// A recorder writes at least so often, s.
 const WRITTEN_WITHIN_S: u64 = 5;
+/// Beyond these no clock of a chain stamps, ns since its machine was started; differences of stamps within have room in 64 bits.
+const STAMPS_NS: Range<i64> = 0..i64::MAX / 2;
 /// Most marks that are shown.
 const MOST_MARKS: usize = 200;
 
@@ -71,6 +76,9 @@ pub struct Film {
     pub jaw: Vec<Option<f64>>,
     /// Commanded one.
     pub jaw_wanted: Vec<Option<f64>>,
+    /// How far the measured shape is from the setpoint of its exposure, as the live page and `krait compare` pair them: rad, of joints that
+    /// of the one that is farthest off (m where it slides).
+    pub off: Vec<Option<f64>>,
     /// Operating state.
     pub operating: Vec<&'static str>,
     /// Marks: when, s, and what.
@@ -210,42 +218,21 @@ pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
     let seconds = last.saturating_sub(first) as f64 * 1e-9;
     let step_s = (seconds / MOST_PICTURES as f64).max(1.0 / RATE_HZ);
     let mut film = Film { name: name_of(path), ..Film::default() };
-    let (mut bend, mut setpoint, mut operating) = (None, None, "");
-    let (mut joints, mut joints_wanted) = (None, None);
-    let (mut jaw, mut jaw_wanted) = (None, None);
+    let mut known = Known::default();
     let mut next_s = 0.0;
     for recorded in recording.samples()? {
         // What is damaged is named in the list; the rest is shown.
         let Ok(recorded) = recorded else { continue };
         let t_s = recorded.log_ns.saturating_sub(first) as f64 * 1e-9;
         while t_s >= next_s && film.t_s.len() < MOST_PICTURES {
-            film.t_s.push(next_s);
-            film.bend.push(bend);
-            film.setpoint.push(setpoint);
-            film.joints.push(joints.clone());
-            film.joints_wanted.push(joints_wanted.clone());
-            film.jaw.push(jaw);
-            film.jaw_wanted.push(jaw_wanted);
-            film.operating.push(operating);
+            film.add(next_s, first.saturating_add((next_s * 1e9) as u64), &known);
             next_s += step_s;
         }
-        match recorded.sample {
-            Sample::Shape(shape) => {
-                bend = Some(shape.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite()));
-                jaw = shape.valid_jaw_rad();
-                joints = shape.valid_joints_rad().map(<[f64]>::to_vec);
-            }
-            Sample::Setpoint(of) => {
-                setpoint = Some(of.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite()));
-                jaw_wanted = of.jaw_rad();
-                joints_wanted =
-                    of.joints_rad.get(..of.n_joints as usize).filter(|all| !all.is_empty()).map(<[f64]>::to_vec);
-            }
-            Sample::State(state) => operating = state.operating().map_or("UNKNOWN", OperatingState::name),
+        match &recorded.sample {
             Sample::Marker(marker) | Sample::DeviceMarker(marker) if film.marks.len() < MOST_MARKS => {
                 film.marks.push((t_s, marker.text().unwrap_or("?").to_owned()));
             }
-            _ => {}
+            _ => known.take(&recorded),
         }
     }
     if film.joints_wanted.iter().all(Option::is_none) {
@@ -259,13 +246,135 @@ pub fn film_of(path: &Path) -> Result<Film, RecordingReadError> {
     Ok(film)
 }
 
+/// What is known at an instant of a recording, as the live page knows it: a shape counts for as long as it does there.
+#[derive(Debug, Default)]
+struct Known {
+    newest: NewestSamples,
+    tracking: LiveTracking,
+    operating: &'static str,
+    /// The file's clock less that of the shape's stamps, ns.
+    ahead_ns: i64,
+}
+
+impl Known {
+    fn take(&mut self, recorded: &Recorded) {
+        match &recorded.sample {
+            Sample::Shape(shape) if STAMPS_NS.contains(&shape.sample_ns) => {
+                self.tracking.shape(shape);
+                self.ahead_ns = recorded.publish_ns.cast_signed().saturating_sub(shape.sample_ns);
+                self.newest.shape = Some(*shape);
+            }
+            Sample::Setpoint(setpoint) if STAMPS_NS.contains(&setpoint.sample_ns) => {
+                self.tracking.setpoint(setpoint);
+                self.newest.setpoint = Some(*setpoint);
+            }
+            Sample::State(state) => self.operating = state.operating().map_or("UNKNOWN", OperatingState::name),
+            _ => {}
+        }
+    }
+
+    /// The shape, where it is fresh enough to be a picture at an instant of the file's clock.
+    fn shape_at(&self, instant_ns: u64) -> Option<&Shape> {
+        self.newest.fresh_shape(instant_ns.cast_signed().saturating_sub(self.ahead_ns).max(0))
+    }
+}
+
+impl Film {
+    /// The next picture.
+    fn add(&mut self, t_s: f64, instant_ns: u64, known: &Known) {
+        let shape = known.shape_at(instant_ns);
+        let setpoint = known.newest.setpoint.as_ref();
+        let bend = shape.and_then(Shape::valid_bend_rad);
+        let joints = shape.and_then(Shape::valid_joints_rad).map(<[f64]>::to_vec);
+        let joints_wanted = setpoint
+            .and_then(|of| of.joints_rad.get(..of.n_joints as usize))
+            .filter(|all| !all.is_empty())
+            .map(<[f64]>::to_vec);
+        let is_measured = match &joints_wanted {
+            Some(wanted) => joints.as_ref().is_some_and(|joints| joints.len() == wanted.len()),
+            None => bend.is_some(),
+        };
+        self.t_s.push(t_s);
+        self.off.push(known.tracking.newest().filter(|off| is_measured && off.is_finite()));
+        self.bend.push(bend);
+        self.setpoint.push(setpoint.map(|of| of.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite())));
+        self.joints.push(joints);
+        self.joints_wanted.push(joints_wanted);
+        self.jaw.push(shape.and_then(Shape::valid_jaw_rad));
+        self.jaw_wanted.push(setpoint.and_then(Setpoint::jaw_rad));
+        self.operating.push(known.operating);
+    }
+}
+
 fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
 #[cfg(test)]
+#[allow(clippy::expect_used, reason = "a panic is how a test fails")]
 mod tests {
     use super::*;
+    use krait_ipc::message::{HopStamps, MAX_ACTUATORS, MAX_JOINTS, Phase};
+    use krait_record::{About, RecordingWriter};
+    use std::collections::BTreeMap;
+
+    /// What a simulated machine is told at an instant.
+    fn setpoint(sample_ns: i64, bend_rad: [f64; 2]) -> Setpoint {
+        Setpoint {
+            sequence: sample_ns.unsigned_abs(),
+            sample_ns,
+            stamps: HopStamps::default(),
+            input_sequence: 1,
+            state_sequence: 1,
+            bend_rad,
+            bend_vel_rad_per_s: [0.0; 2],
+            joints_rad: [0.0; MAX_JOINTS],
+            joints_vel_rad_per_s: [0.0; MAX_JOINTS],
+            q_tilde_vel_m_per_s: [0.0; MAX_ACTUATORS],
+            tip_pos_in_base_m: [0.0; 3],
+            motion_scale: 1.0,
+            phase: Phase::Following as u32,
+            reserved: 0,
+            n_actuators: 0,
+            n_joints: 0,
+            reasons: 0,
+            model_hash: 0,
+        }
+    }
+
+    /// A camera that needs 100 ms and ends after two seconds of four: the snake follows exactly, a little beside where it shall be.
+    #[test]
+    fn a_shape_is_paired_with_the_setpoint_of_its_exposure_and_missing_once_it_is_old() {
+        const MS: i64 = 1_000_000;
+        let path = std::env::temp_dir().join(format!("krait-film-{}.mcap", std::process::id()));
+        let _none_is_fine = std::fs::remove_file(&path);
+        let about = About::run("film", &BTreeMap::new(), Vec::new());
+        let mut writer = RecordingWriter::create(&path, 1 << 18, &about).expect("created");
+        let (begun_ns, bend_at) = (clock::monotonic_ns(), |ms: i64| 1e-4 * ms as f64);
+        for ms in (0..4_000).step_by(10) {
+            let now_ns = begun_ns + ms * MS;
+            writer.write(&Sample::Setpoint(setpoint(now_ns, [bend_at(ms), 0.0])), now_ns).expect("written");
+            if (100..=2_100).contains(&ms) {
+                let exposed_ns = now_ns - 100 * MS;
+                let seen = Shape::of_bend(ms.unsigned_abs(), exposed_ns, now_ns, [bend_at(ms - 100), 0.01]);
+                writer.write(&Sample::Shape(seen), now_ns).expect("written");
+            }
+        }
+        writer.finish(&BTreeMap::new()).expect("finished");
+        let film = film_of(&path).expect("a film");
+        std::fs::remove_file(&path).expect("removed");
+        let at = |seconds: f64| film.t_s.iter().position(|t_s| *t_s >= seconds).expect("a picture");
+        for seconds in [0.5, 1.0, 2.0, 2.4] {
+            let off = film.off[at(seconds)].expect("measured");
+            assert!((off - 0.01).abs() < 1e-9, "{off} at {seconds} s");
+        }
+        let (bend, setpoint) = (film.bend[at(1.0)].expect("a bend"), film.setpoint[at(1.0)].expect("a setpoint"));
+        assert!((setpoint[0] - bend[0] - bend_at(100)).abs() < 3e-3, "what is drawn is what was known then");
+        for seconds in [2.6, 3.0, 3.9] {
+            assert_eq!((film.bend[at(seconds)], film.off[at(seconds)]), (None, None), "the camera has ended");
+            assert!(film.setpoint[at(seconds)].is_some());
+        }
+    }
 
     #[test]
     fn a_file_without_an_end_is_being_recorded_while_it_is_written_and_broken_later() {

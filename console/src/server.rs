@@ -8,6 +8,7 @@ use crate::library::{self, Library};
 use crate::pad::{self, PadDesk};
 use crate::recordings::{LearntOf, Recordings};
 use crate::stop::{self, StopShared};
+use crate::stop_door::StopDoor;
 use crate::watch::{Slots, Watch};
 use crate::whole_body::{LINES_S, WholeBody};
 use crate::wishes::{self, Desk};
@@ -18,7 +19,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
-use core::net::{Ipv4Addr, Ipv6Addr};
+use core::net::Ipv4Addr;
 use core::time::Duration;
 use krait_ipc::Bus;
 use std::path::PathBuf;
@@ -112,7 +113,8 @@ pub fn run(
     let slots = Slots { frame: frame_slot, slow: slow_slot, facts: facts_slot, machines };
     let pages = Arc::new(PageCounts::default());
     let (listener, port) = runtime.block_on(listen(settings.port))?;
-    let (stop_listener, stop_port) = runtime.block_on(listen(settings.stop_port))?;
+    let stop_door = StopDoor::open(settings.stop_port)?;
+    let stop_port = stop_door.port()?;
     let (page_origin, stop_origin) = (WebOrigin::new("127.0.0.1", port), WebOrigin::new("localhost", stop_port));
     let stop_token = Token::new()?;
     let stop_url = format!("{}/stop/{}", stop_origin.url(), stop_token.digits());
@@ -162,33 +164,29 @@ pub fn run(
     announce(&Address { page, stop: shared.stop_url.clone(), foxglove: viewers_address });
     std::thread::scope(|scope| {
         let watching = std::thread::Builder::new().name("watch".to_owned()).spawn_scoped(scope, || {
-            let outcome = Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, newer, &pad, stop));
-            stop.store(true, Ordering::Relaxed);
-            outcome
+            ending(stop, || Watch::open(bus).and_then(|watch| watch.run(&slots, &pages, newer, &pad, stop)))
         });
         let watching = watching.map_err(ConsoleError::Start)?;
         let carrying = std::thread::Builder::new().name("wishes".to_owned());
-        let carrying = carrying.spawn_scoped(scope, move || wishes::carry(&wishing, orders, stop));
+        let carrying = carrying.spawn_scoped(scope, move || ending(stop, || wishes::carry(&wishing, orders, stop)));
         let carrying = carrying.map_err(ConsoleError::Start)?;
         let hands = std::thread::Builder::new().name("pad".to_owned());
-        let hands = hands.spawn_scoped(scope, move || pad::carry(&driving, &pad_orders, stop));
+        let hands = hands.spawn_scoped(scope, move || ending(stop, || pad::carry(&driving, &pad_orders, stop)));
         let hands = hands.map_err(ConsoleError::Start)?;
         let reading = feed.map(|feed| {
-            let run = move || {
-                let outcome = feed.run(stop);
-                stop.store(true, Ordering::Relaxed);
-                outcome
-            };
+            let run = move || ending(stop, || feed.run(stop));
             std::thread::Builder::new()
                 .name("foxglove".to_owned())
                 .spawn_scoped(scope, run)
                 .map_err(ConsoleError::Start)
         });
         let reading = reading.transpose()?;
+        let stopping = std::thread::Builder::new().name("stop".to_owned());
+        let stopping = stopping.spawn_scoped(scope, move || ending(stop, || stop_door.serve(stop_routes, stop)));
+        let stopping = stopping.map_err(ConsoleError::Start)?;
         runtime.block_on(async {
             tokio::select! {
                 () = accept::serve(listener, router) => {}
-                () = serve_stop(stop_listener, stop_port, stop_routes) => {}
                 () = until(stop) => {}
             }
         });
@@ -198,11 +196,20 @@ pub fn run(
         let driven = hands.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
         let read =
             reading.map_or(Ok(()), |reading| reading.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause)));
-        watched.and(carried).and(driven).and(read)
+        let stopped = stopping.join().unwrap_or_else(|cause| std::panic::resume_unwind(cause));
+        watched.and(carried).and(driven).and(read).and(stopped)
     })
 }
 
-async fn until(stop: &AtomicBool) {
+/// Does a thread's work; when that ends, whatever ended it, the console does, and says why: half a console is none.
+fn ending(stop: &AtomicBool, work: impl FnOnce() -> Result<(), ConsoleError>) -> Result<(), ConsoleError> {
+    let outcome = work();
+    stop.store(true, Ordering::Relaxed);
+    outcome
+}
+
+/// Ends when the console does.
+pub(crate) async fn until(stop: &AtomicBool) {
     while !stop.load(Ordering::Relaxed) {
         tokio::time::sleep(LOOK_EVERY).await;
     }
@@ -211,20 +218,7 @@ async fn until(stop: &AtomicBool) {
 async fn listen(port: u16) -> Result<(TcpListener, u16), ConsoleError> {
     let bound = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).await;
     let bound = bound.and_then(|listener| listener.local_addr().map(|address| (listener, address.port())));
-    bound.map_err(|source| ConsoleError::Listen { port, source })
-}
-
-/// A browser may take `localhost` for the address of version 6; where that cannot be had it takes the other.
-async fn serve_stop(listener: TcpListener, port: u16, routes: Router) {
-    match TcpListener::bind((Ipv6Addr::LOCALHOST, port)).await {
-        Ok(second) => {
-            tokio::select! {
-                () = accept::serve(listener, routes.clone()) => {}
-                () = accept::serve(second, routes) => {}
-            }
-        }
-        Err(_) => accept::serve(listener, routes).await,
-    }
+    bound.map_err(|source| ConsoleError::Listen { address: Ipv4Addr::LOCALHOST.into(), port, source })
 }
 
 fn router(shared: Arc<Shared>) -> Router {

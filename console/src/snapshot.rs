@@ -10,7 +10,7 @@ use crate::pad::PadSeen;
 use crate::processes::ProcessUsage;
 use crate::words::{Level, Shown, ShownState, Words, fault_sentence, words_of};
 use krait_ipc::message::{
-    Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Phase, Setpoint, Shape, SlaveState, used,
+    Command, DeviceState, Health, JointValues, ModelUpdate, OperatorInput, Setpoint, Shape, SlaveState, used,
 };
 use krait_ipc::{Reason, Reasons};
 use serde::Serialize;
@@ -114,7 +114,6 @@ struct Frame<'a> {
     bend: Option<[f64; 2]>,
     sigma: Option<f64>,
     setpoint: Option<[f64; 2]>,
-    follows: bool,
     motion_scale: Option<f64>,
     q_tilde_m: Option<Vec<f64>>,
     joints: Option<Joints>,
@@ -226,7 +225,6 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
         bend: shape.and_then(|shape| shape.valid_bend_rad()),
         sigma: shape.map(|shape| shape.sigma_bend_rad()),
         setpoint: newest.setpoint.map(|setpoint| setpoint.bend_rad).filter(|bend| bend.iter().all(|b| b.is_finite())),
-        follows: newest.setpoint.and_then(|setpoint| setpoint.phase()) == Some(Phase::Following),
         motion_scale: newest.setpoint.map(|setpoint| setpoint.motion_scale),
         q_tilde_m: newest.command.map(|command| used(&command.q_tilde_m, command.n_actuators).to_vec()),
         joints: Joints::of(newest, moment),

@@ -231,7 +231,7 @@ pub struct ShownState<'a> {
     pub is_present: bool,
     /// Whether the clutch is pressed.
     pub is_clutched: bool,
-    /// Whether the setpoint follows.
+    /// Whether the newest setpoint follows, however old that is.
     pub phase: Option<Phase>,
     /// Whether a limit shortens the motion.
     pub is_limited: bool,
@@ -254,6 +254,8 @@ impl ShownState<'_> {
             _ if self.device == Some(DeviceState::Lost) => Shown::Lost,
             _ if self.is_clutched => Shown::Clutched,
             _ if !self.is_present => Shown::Ready,
+            // What the stages before last said of following stays where they hang; the slave knows whether anything moves.
+            _ if !state.is_engaged() => Shown::Holding,
             Some(Phase::Following) if self.is_limited => Shown::Limited,
             Some(Phase::Following) => Shown::Following,
             Some(Phase::Holding) | None => Shown::Holding,
@@ -330,7 +332,9 @@ mod tests {
         assert_eq!(fault_sentence(&alone), "Hardware cut drive 2 off; the others hold.");
         let mut enabled = stopped;
         enabled.operating_state = OperatingState::Enabled as u32;
-        assert_eq!(shown(&enabled), Shown::Following, "the flag counts in FAULT only");
+        assert_eq!(shown(&enabled), Shown::Holding, "the setpoint says that it follows, and the drives do not");
+        enabled.flags |= SlaveState::ENGAGED;
+        assert_eq!(shown(&enabled), Shown::Following, "the flag of the stop counts in FAULT only");
         for flags in [0, SlaveState::OTHERS_HOLD, SlaveState::failed_drive_flags(12)] {
             let sentence = fault_sentence(&fault(flags));
             assert!(sentence.chars().count() <= 48, "{sentence}");

@@ -2,8 +2,10 @@
 
 use core::sync::atomic::{AtomicU8, Ordering};
 use core::time::Duration;
+use krait_ipc::clock;
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// How a way is cut.
@@ -15,7 +17,12 @@ pub enum WayCut {
     Closed = 2,
     /// What clients send waits until the way is open again, and what servers send passes: a command that is held up.
     Held = 3,
+    /// What servers send comes `LATE_BY_NS` later: a way whose buffers are full.
+    Late = 4,
 }
+
+/// How long what servers send is on its way then, ns.
+const LATE_BY_NS: i64 = 1_500_000_000;
 
 const OPEN: u8 = 0;
 /// How often what waits looks whether the way is open again.
@@ -105,29 +112,61 @@ impl Way {
         streams.extend([&client, &server].map(|stream| stream.try_clone().expect("cloned")));
         drop(streams);
         let (there, back) = (Arc::clone(self), Arc::clone(self));
-        std::thread::spawn(move || there.pass(client, to_server, true));
-        std::thread::spawn(move || back.pass(server, to_client, false));
+        std::thread::spawn(move || there.ask(client, to_server));
+        std::thread::spawn(move || back.answer(server, to_client));
     }
 
-    fn pass(&self, mut from: TcpStream, mut to: TcpStream, is_asking: bool) {
+    fn ask(&self, mut from: TcpStream, mut to: TcpStream) {
         let mut bytes = [0; 16 * 1024];
         while let Ok(n @ 1..) = from.read(&mut bytes) {
-            while is_asking && self.cut() == WayCut::Held as u8 {
+            while self.cut() == WayCut::Held as u8 {
                 std::thread::sleep(LOOK_EVERY);
             }
-            if ![OPEN, WayCut::Held as u8].contains(&self.cut()) {
+            if !self.passes() {
                 continue;
             }
-            if is_asking {
-                locked(&self.asked).extend_from_slice(&bytes[..n]);
-            }
+            locked(&self.asked).extend_from_slice(&bytes[..n]);
             if to.write_all(&bytes[..n]).is_err() {
                 break;
             }
         }
+        self.end(&from, &to);
+    }
+
+    /// What comes is taken at once and put into a buffer, so that whoever sends does not notice that the way is late.
+    fn answer(&self, mut from: TcpStream, to: TcpStream) {
+        let mut out = to.try_clone().expect("cloned");
+        let (buffer, buffered) = channel::<(i64, Vec<u8>)>();
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                for (came_ns, bytes) in buffered {
+                    while self.cut() == WayCut::Late as u8 && clock::monotonic_ns() - came_ns < LATE_BY_NS {
+                        std::thread::sleep(LOOK_EVERY);
+                    }
+                    if self.passes() && out.write_all(&bytes).is_err() {
+                        break;
+                    }
+                }
+            });
+            let mut bytes = [0; 16 * 1024];
+            while let Ok(n @ 1..) = from.read(&mut bytes) {
+                if buffer.send((clock::monotonic_ns(), bytes[..n].to_vec())).is_err() {
+                    break;
+                }
+            }
+            drop(buffer);
+        });
+        self.end(&from, &to);
+    }
+
+    fn passes(&self) -> bool {
+        [OPEN, WayCut::Held as u8, WayCut::Late as u8].contains(&self.cut())
+    }
+
+    fn end(&self, from: &TcpStream, to: &TcpStream) {
         // Whoever is cut off in silence is told nothing of the other end's leaving either.
         if self.cut() != WayCut::Silent as u8 {
-            [&from, &to].into_iter().for_each(close);
+            [from, to].into_iter().for_each(close);
         }
     }
 }

@@ -490,7 +490,10 @@ fn recordings_and_jobs_are_named_from_lists_and_open_to_the_token_alone() {
     assert_eq!(console.request("POST", "/lab/job", &own, r#"{"verb":"rm"}"#).status, 400);
     assert_eq!(console.request("POST", "/lab/job", &[("Cookie", &cookie)], "{}").status, 403, "no origin");
     assert_eq!(console.request("POST", "/lab/data/..%2fx.csv", &own, "t").status, 400);
-    assert_eq!(console.request("POST", "/lab/data/x.csv", &own, "time_s\n0\n").status, 204);
+    for (text, given) in [("time_s\n0\n", "x.csv"), ("time_s\n1\n", "x-2.csv"), ("time_s\n0\n", "x.csv")] {
+        let taken = console.request("POST", "/lab/data/x.csv", &own, text);
+        assert!(taken.status == 200 && taken.body.contains(&format!("\"name\":\"{given}\"")), "{taken:?}");
+    }
     assert!(console.request("GET", "/lab", &own, "").body.contains("x.csv"));
     let started = console.request("POST", "/lab/job", &own, r#"{"verb":"compare","model":"base.toml","data":"x.csv"}"#);
     assert_eq!(started.status, 200, "{started:?}");

@@ -561,10 +561,12 @@ fn the_scrubber_is_dragged(page: &mut BrowserPage) {
         let said = page.text(".player .controls b");
         let (of_minute, tenths) = (said.rsplit(':').next().unwrap_or_default(), (t_s * 10.0).floor() / 10.0);
         assert_eq!(of_minute.parse::<f64>().ok(), Some(tenths), "{said} at {t_s} s");
-        let pair = |key: &str| [0, 1].map(|k| film[key][value][k].as_f64());
-        if let ([Some(x), Some(y)], [Some(u), Some(v)]) = (pair("bend"), pair("setpoint")) {
-            let off = format!("{:.1}\u{b0}", (x - u).hypot(y - v).to_degrees());
-            assert_eq!(page.text(".player .controls b:last-child"), off, "{value} of {n}");
+        if let Some(off) = film["off"][value].as_f64() {
+            assert_eq!(
+                page.text(".player .controls b:last-child"),
+                format!("{:.1}\u{b0}", off.to_degrees()),
+                "{value} of {n}"
+            );
         }
     }
     page.mouse_half(false, at(0.75));
@@ -574,6 +576,19 @@ fn the_scrubber_is_dragged(page: &mut BrowserPage) {
     page.wait_for("nothing moves", &format!("{changed} === 0"));
     page.press(at(0.05)[0], y);
     page.wait_for("another picture", &format!("{changed} > 100"));
+}
+
+/// Where a file cannot be read, the film before it is gone, and its sentence stands there.
+fn a_broken_file_leaves_no_film(page: &mut BrowserPage, folder: &TempFolder) {
+    std::fs::write(folder.file("broken.mcap"), "no recording").expect("written");
+    page.value("document.querySelector('[data-go=recordings]').click()");
+    let name = "document.querySelector('#recordings tr[data-name=\"broken.mcap\"] button')";
+    page.wait_for("it is in the list", &format!("{name} !== null"));
+    page.value(&format!("{name}.click()"));
+    page.wait_for("its sentence", "/broken.mcap/.test(document.querySelector('.ribbon').textContent) && !/^Reading/.test(document.querySelector('.ribbon').textContent)");
+    page.value("document.querySelector('.player .prime').click()");
+    let left = "[document.querySelector('.scrub input').disabled, document.querySelector('.player .prime').textContent, document.querySelector('.scrub .curve').childElementCount]";
+    assert_eq!(page.value(left), json!([true, "▶", 0]));
 }
 
 #[test]
@@ -599,6 +614,7 @@ fn a_recording_opens_by_itself_where_the_console_was_started_for_it() {
     plays_and_pauses(&mut page);
     the_scrubber_is_dragged(&mut page);
     page.keep_right_everywhere("player", Scrolls::Within);
+    a_broken_file_leaves_no_film(&mut page, &folder);
     page.value("document.querySelector('[data-go=operate]').click()");
     page.wait_for("nothing is taken for live", "document.documentElement.dataset.shown === 'stale'");
     krait.signal(Signal::INT);

@@ -7,6 +7,7 @@ use krait_tests::{
     Browser, BrowserPage, Console, Ended, Krait, Scrolls, TempFolder, bar_values, bars, choose, instance_name, press,
     wait_until,
 };
+use rustix::process::{Pid, Signal, kill_process};
 
 const PATIENCE: Duration = Duration::from_secs(240);
 
@@ -85,6 +86,8 @@ fn a_job_is_cancelled(page: &mut BrowserPage, data: &str) {
     let at_work = || processes_with(&["lab", "diagnose", data]);
     press(page, "Diagnose again with it");
     assert!(wait_until(PATIENCE, || at_work() > 0), "its process");
+    stop(&["lab", "diagnose", data]);
+    nothing_changes_what_it_was_ordered_for(page);
     press(page, "Cancel");
     page.wait_for("it is said", "document.querySelector('#lab h1').textContent === 'Cancelled.'");
     assert_eq!(
@@ -95,13 +98,70 @@ fn a_job_is_cancelled(page: &mut BrowserPage, data: &str) {
     press(page, "Again");
     press(page, "Diagnose");
     bars(page, 2, 1);
+    a_job_is_found_again_after_a_reload(page, data);
+    assert!(wait_until(PATIENCE, || at_work() == 0), "its process has ended");
+}
+
+/// The lists are shut while a job is at work; what comes all the same, by a script or a file, is refused in a sentence.
+fn nothing_changes_what_it_was_ordered_for(page: &mut BrowserPage) {
+    let choices = "[...document.querySelectorAll('#lab .rail select')].map(own => [own.value, own.disabled])";
+    let ordered = page.value(choices);
+    let all = ordered.as_array().expect("lists");
+    assert!(all.len() == 3 && all.iter().all(|own| own[1] == true), "{ordered}");
+    choose(page, "Model", "base.toml");
+    drop_file(page, "late.csv", "time_s\n0\n");
+    page.wait_for("refused", "document.querySelector('#lab .work .waits').textContent.startsWith('This waits: ')");
+    page.value("[...document.querySelectorAll('#lab .steps button')].at(0).click()");
+    assert_eq!(page.value(choices), ordered, "what was chosen stays");
+    let shelf = page.value("fetch('/lab').then(answer => answer.json())");
+    assert!(!shelf["data"].to_string().contains("late.csv"), "{shelf}");
+}
+
+/// A page that was loaded anew shows the job that runs, also where the console does not answer for a moment, and can cancel it.
+fn a_job_is_found_again_after_a_reload(page: &mut BrowserPage, data: &str) {
+    let order = serde_json::json!({ "verb": "diagnose", "model": "base.toml", "data": "data.csv" }).to_string();
+    let body = serde_json::json!(order);
+    page.value(&format!("fetch('/lab/job', {{ method: 'POST', body: {body} }}).then(() => 0)"));
+    assert!(wait_until(PATIENCE, || processes_with(&["lab", "diagnose", data]) > 0), "its process");
+    stop(&["lab", "diagnose", data]);
+    page.value("document.documentElement.id = 'before'; setTimeout(() => location.reload(), 0); 0");
+    page.wait_for(
+        "another page",
+        "document.documentElement.id === '' && document.querySelectorAll('#stop').length === 1",
+    );
+    page.value("document.querySelector('[data-go=lab]').click()");
+    page.wait_for("the job", "document.querySelector('#lab h1')?.textContent === 'krait lab diagnose is at work.'");
+    page.value("window.fetched = window.fetch; window.fetch = () => Promise.reject(new TypeError('nobody')); 0");
+    let is_silent = "document.querySelector('#lab .job-says').textContent.includes('does not answer')";
+    page.wait_for("the console is silent", is_silent);
+    page.value("window.fetch = window.fetched; 0");
+    page.wait_for("it answers again", &format!("!{is_silent}"));
+    press(page, "Cancel");
+    page.wait_for("it is said", "document.querySelector('#lab h1').textContent === 'Cancelled.'");
+    press(page, "Go on");
+    page.wait_for("it asks", "document.querySelector('#lab h1').textContent.startsWith('How far is ')");
+}
+
+/// Stops processes, so that a job is at work for as long as the test looks, however fast the machine is.
+fn stop(words: &[&str]) {
+    for process in pids_with(words) {
+        kill_process(process, Signal::STOP).expect("stopped");
+    }
 }
 
 /// How many processes have all of these words on their command line.
 fn processes_with(words: &[&str]) -> usize {
+    pids_with(words).len()
+}
+
+fn pids_with(words: &[&str]) -> Vec<Pid> {
     let processes = std::fs::read_dir("/proc").expect("processes").flatten();
-    let lines = processes.filter_map(|process| std::fs::read_to_string(process.path().join("cmdline")).ok());
-    lines.filter(|line| words.iter().all(|word| line.split('\0').any(|own| own == *word))).count()
+    let has_all = |process: &std::fs::DirEntry| {
+        let line = std::fs::read_to_string(process.path().join("cmdline")).unwrap_or_default();
+        words.iter().all(|word| line.split('\0').any(|own| own == *word))
+    };
+    let pids = processes.filter(has_all).filter_map(|process| process.file_name().to_str()?.parse().ok());
+    pids.filter_map(Pid::from_raw).collect()
 }
 
 /// Beside each effect that was found stands what it alone adds over the position, as the answer has it: a line through all of its points,

@@ -7,7 +7,8 @@ use core::time::Duration;
 use krait_ipc::message::{OperatingState, SlaveState, StateRequest};
 use krait_ipc::{Bus, ReadOptions};
 use krait_tests::{
-    Browser, BrowserPage, Console, CuttableWay, Ended, Krait, WayCut, instance_name, is_moving, wait_for, wait_until,
+    Browser, BrowserPage, Console, CuttableWay, Ended, Krait, WayCut, instance_name, is_moving, signal_process,
+    wait_for, wait_until,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -16,6 +17,12 @@ const PATIENCE: Duration = Duration::from_secs(240);
 const FOLLOWS: &str = "document.documentElement.dataset.shown === 'following'";
 /// A command counts for half a second, and the page waits four for its answer.
 const LONGER_THAN_IT_COUNTS: Duration = Duration::from_millis(800);
+/// Begins a loop that ends after longer than a command counts.
+const HANG_FOR_A_WHILE: &str = "setTimeout(() => {
+    const ask = new XMLHttpRequest();
+    ask.open('GET', '/hangs-for-a-while', false);
+    try { ask.send(); } finally { for (const from = performance.now(); performance.now() < from + 1500;); }
+}, 0); 0";
 /// A page that hangs has not answered after this long, and never will.
 const HANGS_FOR: Duration = Duration::from_secs(1);
 
@@ -161,6 +168,20 @@ fn a_command_that_is_held_up_on_its_way_runs_nothing_and_the_page_says_so() {
     page.wait_for("it has connected anew", FOLLOWS);
     page.wait_for("nothing came back", &says("Pause: no answer"));
 
+    // A page that hangs hears of the press when it has got over that: the press is what is too late then.
+    page.value(HANG_FOR_A_WHILE);
+    assert!(wait_until(PATIENCE, || relay.was_asked("GET /hangs-for-a-while")), "the page begins to hang");
+    // A key: of a click the debugger sends the second half when the page has heard of the first.
+    page.key("p", 80);
+    page.wait_for("it was pressed too long ago", &says("Pause: Not done: it came too late."));
+    page.wait_for("the page follows again", FOLLOWS);
+
+    // What comes late is no picture, however much of it comes.
+    relay.cut(WayCut::Late);
+    page.wait_for("the way is late", "document.documentElement.dataset.shown === 'stale' && /late, because the way/.test(document.getElementById('blank-text').textContent)");
+    relay.open();
+    page.wait_for("pictures are in time again", FOLLOWS);
+
     assert!(requests.take().expect("readable").is_none(), "nothing was asked for");
     let after = wait_for(&instance, "moving still", is_moving);
     let counts = |state: &SlaveState| (state.state_command_sequence, state.n_stops, state.operating_state);
@@ -208,6 +229,18 @@ fn escape_stops_with_the_focus_on_the_page_itself_and_in_its_fields() {
         let resumed = Ended::of(&["state", "resume", "--instance", &instance], PATIENCE);
         assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
     }
+    // A console that stands still: nothing confirms the stop, and whoever pressed is told so; it is done as soon as the console goes on.
+    let stop = page.inner("iframe");
+    let n_before = wait_for(&instance, "moving", is_moving).n_stops;
+    signal_process(&instance, "console", Signal::STOP);
+    page.key("Escape", 27);
+    let is_told = "document.getElementById('say').textContent.includes('does not answer. Use the machine')";
+    assert!(wait_until(PATIENCE, || page.value_in(&stop, is_told) == true), "nothing is confirmed, and that is said");
+    assert_eq!(wait_for(&instance, "moving still", is_moving).n_stops, n_before);
+    signal_process(&instance, "console", Signal::CONT);
+    wait_for(&instance, "stopped by the console that goes on", |state| state.n_stops > n_before);
+    let is_confirmed = "document.getElementById('say').textContent.includes('the drives confirmed it')";
+    assert!(wait_until(PATIENCE, || page.value_in(&stop, is_confirmed) == true), "the later answer is shown");
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
 }

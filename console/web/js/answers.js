@@ -50,3 +50,19 @@ export function valuesOf(answer) {
   const named = key => isBeside && !key.includes('.') ? `${answer.effect}.${key}` : key;
   return make('table', 'values', make('tbody', '', ...Object.entries(answer.params).map(([key, value]) => make('tr', '', make('th', '', named(key)), make('td', 'n', `${value.value.toPrecision(4)}${sign(value.unit)}`), make('td', 'n', `± ${value.se.toPrecision(2)}`), make('td', '', value.on_bound ? 'on its bound' : '')))));
 }
+
+/// As the diagnosis judges it: 4 % above a floor that is known exactly, and two of its standard errors more.
+export const isAtNoise = ({ heldout_rms: { after }, noise_floor: floor, noise_floor_relative_se: se }) => floor !== null && after <= (1.04 + 2 * se) * floor;
+
+/// An effect that a diagnosis found as it can be added: the joint that has it, the column that one of its numbers depends on, and the values
+/// to start from. A formula of one's own, which nobody has explained, starts from what was found.
+export function placeOf(own, effects, variations) {
+  const varied = (variations ?? []).find(one => one.in_effects && one.column && one.effect === own.effect && one.joint === own.joint);
+  const set = own.explanation ? [] : Object.entries(own.params).map(([name, { value }]) => [name, value]);
+  return { effect: own.effect, effects, set, joint: own.joint ?? null, by: varied ? `${varied.parameter}=${varied.column.name}` : null };
+}
+
+/// Every bar is the error of all joints together: of one joint's effect it falls by what that joint's mean square falls.
+export function fallen(all, { before, after }) {
+  return Math.sqrt(Math.max(0, all ** 2 - before ** 2 + after ** 2));
+}

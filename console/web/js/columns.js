@@ -1,6 +1,6 @@
-// Which column of a measurement is what: the lab's proposal as a table, which somebody changes or agrees to.
+// A measurement is handed over, and which column of it is what: the lab's proposal as a table, which somebody changes or agrees to.
 import { make } from './format.js';
-import { named, prime, run, say, second, work } from './work.js';
+import { named, prime, run, say, sayAtWork, second } from './work.js';
 
 const numbered = (base, n, words) => Array.from({ length: n }, (_, i) => [`${base}${i + 1}`, words(i + 1)]);
 // The lab's columns without their units, in words.
@@ -15,6 +15,21 @@ const MACHINES = { snake: 'a snake', joints: 'joints', segments: 'segments in se
 const UNITS = ['s', 'ms', 'us', 'ns', 'm', 'cm', 'mm', 'um', 'rad', 'mrad', 'deg', 'n', 'mn', 'kn'];
 // Without a unit of the file's own, the lab's.
 const OWN = [[/^time$/, 's'], [/^q\d$/, 'm'], [/^(bend_[xy]|theta_l|delta)$/, 'rad'], [/^tau\d$/, 'n']];
+
+/// Hands a file over: the name that it was given, another one where its own was taken, and what is said of that; null where it was not
+/// taken. `back` shows what stood here before.
+export async function handedOver(file, back) {
+  sayAtWork(`Taking ${file.name} …`, 'It goes into the lab’s folder.');
+  const name = file.name.replace(/[^A-Za-z0-9._-]/g, '-').replace(/^[.-]+/, '');
+  const refused = why => { say('The file was not taken.', why, [], [prime('Back', back)]); return null; };
+  try {
+    const answer = await fetch(`/lab/data/${encodeURIComponent(name)}`, { method: 'POST', body: file });
+    if (!answer.ok) return refused(await answer.text());
+    const { name: given, is_new: isNew } = await answer.json();
+    const says = !isNew ? `The same file was here already, as ${given}.` : given !== name ? `Kept as ${given}: the name ${name} was taken.` : given !== file.name ? `Kept as ${given}.` : '';
+    return { name: given, says };
+  } catch { return refused('The console does not answer.'); }
+}
 
 /// The model to go on with when the columns are named; null where it came to nothing.
 export async function nameColumns(data, back) {
@@ -49,9 +64,11 @@ function ask(data, seen, back, done, complaint = firstWords(seen.refused), befor
   }
 
   async function keep() {
-    const answer = await fetch(`/lab/columns/${encodeURIComponent(data)}`, { method: 'POST' });
-    if (answer.ok) done((await answer.json()).model);
-    else said.replaceChildren(...named(await answer.text()));
+    try {
+      const answer = await fetch(`/lab/columns/${encodeURIComponent(data)}`, { method: 'POST' });
+      if (answer.ok) done((await answer.json()).model);
+      else said.replaceChildren(...named(await answer.text()));
+    } catch { said.replaceChildren('The console does not answer.'); }
   }
 }
 

@@ -10,7 +10,7 @@ const WORDS = {
   pause: ['Pause', 'hold still', 'P'], resume: ['Resume', 'go on', 'P'], disable: ['Disable', 'power off', 'D'],
 };
 const ANSWER_WITHIN_MS = 4000;
-let nextId = 1, waiting = new Map(), state = null, shown = 'stale', stopUrl = null;
+let nextId = 1, waiting = new Map(), state = null, shown = 'stale', stopUrl = null, isStopHere = false;
 
 /// What each of the three buttons is in a state, and whether it does something now.
 function offers() {
@@ -27,7 +27,7 @@ function offers() {
 
 on('hello', ({ hello }) => {
   if (!hello.stop_url || stopUrl === hello.stop_url) return;
-  stopUrl = hello.stop_url;
+  [stopUrl, isStopHere] = [hello.stop_url, false];
   const frame = document.createElement('iframe');
   frame.id = 'stop';
   frame.title = 'STOP';
@@ -75,7 +75,8 @@ function settle(id) {
   if (!waiting.size) buttons.forEach(button => button.classList.remove('sent'));
 }
 
-function press(button) {
+/// `at`: when the hand pressed, ms since 1970. A page that hung meanwhile asks for nothing that is long past.
+function press(button, at) {
   const wish = button.dataset.wish, word = WORDS[wish]?.[0];
   if (!wish) return;
   if (button.getAttribute('aria-disabled') === 'true') {
@@ -83,10 +84,13 @@ function press(button) {
     return;
   }
   button.classList.add('sent');
-  ask('wish', { wish }, word, 'Waiting for the drives’ own state.');
+  ask('wish', { wish, at }, word, 'Waiting for the drives’ own state.');
 }
 
-/// Sends a command once; what became of it is told when the answer comes.
+/// When an event happened, ms since 1970.
+export const momentOf = event => performance.timeOrigin + event.timeStamp;
+
+/// Sends a command once, with its instant `rest.at`; what became of it is told when the answer comes.
 export function ask(kind, rest, word, waits) {
   const id = nextId++;
   tell('info', `${word} sent`, waits);
@@ -94,9 +98,10 @@ export function ask(kind, rest, word, waits) {
   post(kind, { id, ...rest });
 }
 
-/// The key that stops from anywhere: by the live connection, and by the stop's own document.
+/// The key that stops from anywhere, by the stop's own document; where that has not come, a pause by the live connection is what is left.
 function stop() {
-  $('stop')?.contentWindow?.postMessage('stop', new URL(stopUrl).origin);
+  if (isStopHere) $('stop').contentWindow.postMessage('stop', new URL(stopUrl).origin);
+  else ask('wish', { wish: 'pause', at: performance.timeOrigin + performance.now() }, 'Pause', 'The STOP of this page has not come, so a pause was asked for.');
 }
 
 /// While a finger holds the pad, the browser gives every further finger to this page, also one that is on the stop's own document.
@@ -105,13 +110,13 @@ function stopByFinger({ pointerType, clientX, clientY }) {
   if (pointerType === 'touch' && place && clientX >= place.left && clientX <= place.right && clientY >= place.top && clientY <= place.bottom) stop();
 }
 
-function pressByKey(key) {
-  const at = { e: 0, p: 1, d: 2 }[key.toLowerCase()];
-  if (at !== undefined) buttons[at].click();
+function pressByKey(key, at) {
+  const button = buttons[{ e: 0, p: 1, d: 2 }[key.toLowerCase()]];
+  if (button) press(button, at);
 }
 
 export function startCommands() {
-  for (const button of buttons) button.addEventListener('click', () => press(button));
+  for (const button of buttons) button.addEventListener('click', event => press(button, momentOf(event)));
   addEventListener('pointerdown', stopByFinger, true);
   addEventListener('keydown', event => {
     if (event.key === 'Escape') {
@@ -121,11 +126,13 @@ export function startCommands() {
       return;
     }
     if (event.target.matches('input, select, textarea') || event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
-    pressByKey(event.key);
+    pressByKey(event.key, momentOf(event));
   }, true);
   addEventListener('message', event => {
-    if (!stopUrl || event.origin !== new URL(stopUrl).origin || typeof event.data?.key !== 'string') return;
-    pressByKey(event.data.key);
+    if (!stopUrl || event.origin !== new URL(stopUrl).origin) return;
+    isStopHere ||= event.data === 'here';
+    if (typeof event.data?.key !== 'string') return;
+    pressByKey(event.data.key, event.data.at);
     pressPageKey(event.data.key);
   });
   tell('info', 'No command sent yet', 'Commands are confirmed here by the drives’ own state.');

@@ -2,22 +2,24 @@
 import { make, sign, write } from './format.js';
 import { on } from './link.js';
 
-/// Pictures that a figure rests on: the last ten seconds of following.
-const MOST = 600, FEWEST = 60;
-let errors = [], follows = 0, running = null, facts = null;
+/// A figure rests on the last ten seconds of following, and on one at least; a screen may have any number of pictures a second.
+const LAST_MS = 10_000, LEAST_MS = 1000, EASED_IN_MS = 2000;
+let errors = [], followsSince = null, running = null, facts = null;
 const meters = new Set();
 
 on('hello', ({ hello }) => { facts = hello.facts; });
 on('slow', ({ message }) => { running = message.model; });
 on('frame', ({ frame }) => {
+  const now = frame.t_ms;
+  if (!['following', 'limited'].includes(frame.shown)) followsSince = null;
+  else followsSince ??= now;
   // The error is that of a second: what lies in it from before the snake followed is no error of the model.
-  follows = ['following', 'limited'].includes(frame.shown) ? follows + 1 : 0;
-  if (follows > 120 && frame.err_rms !== null) errors.push(frame.err_rms * facts.per_si);
-  if (errors.length > MOST) errors.shift();
+  if (followsSince !== null && now - followsSince > EASED_IN_MS && frame.err_rms !== null && now > (errors.at(-1)?.at ?? -Infinity)) errors.push({ at: now, error: frame.err_rms * facts.per_si });
+  while (errors.length && now - errors[0].at > LAST_MS) errors.shift();
   for (const meter of meters) meter.show();
 });
 
-const rms = () => errors.length < FEWEST ? null : Math.sqrt(errors.reduce((sum, e) => sum + e * e, 0) / errors.length);
+const rms = () => errors.length < 2 || errors.at(-1).at - errors[0].at < LEAST_MS ? null : Math.sqrt(errors.reduce((sum, { error }) => sum + error * error, 0) / errors.length);
 const said = value => value === null ? '–' : `${value.toFixed(2)}${sign(facts.unit)}`;
 
 /// The figures of one exchange; it begins with those of before.
@@ -35,7 +37,7 @@ export class ErrorMeter {
   /// The chain goes on with the model of this hash.
   exchanged(hash) {
     this.hash = hash;
-    [errors, follows] = [[], 0];
+    [errors, followsSince] = [[], null];
     meters.clear();
     meters.add(this);
     this.show();

@@ -5,13 +5,6 @@ import { make, sign, signed, write } from './format.js';
 /// What each bar is called: the joint's number, or segment and component.
 const namesOf = facts => facts.joints.low.map((_, i) => facts.joints.segments.length ? `${Math.floor(i / 2) + 1}${'xy'[i % 2]}` : String(i + 1));
 
-/// How far the joint that is farthest off is from where it shall be, or the bend vector of the segment that is, in SI.
-export const farthest = (facts, measured, wanted) => {
-  const apart = wanted.map((value, i) => Math.abs(measured[i] - value));
-  const each = facts.joints.segments.length ? apart.filter((_, i) => i % 2 === 0).map((x, i) => Math.hypot(x, apart[2 * i + 1])) : apart;
-  return Math.max(...each);
-};
-
 export class JointBars {
   /// Fills an element with one row for each joint; `facts` has limits and the unit that is shown.
   constructor(holder, facts) {

@@ -51,7 +51,7 @@ on('frame', ({ frame, age, glass }) => {
   numbers(frame);
 });
 
-on('stale', ({ hasConnection, silentFrom }) => {
+on('stale', ({ hasConnection, silentFrom, lateMs }) => {
   const now = performance.now(), from = silentFrom ?? now - 500;
   const isNew = staleSince === null;
   staleSince ??= { at: new Date(Date.now() - (now - from)), from, isFirst: !shown };
@@ -62,9 +62,11 @@ on('stale', ({ hasConnection, silentFrom }) => {
   write($('blank-title'), staleSince.isFirst ? 'No picture yet' : `No picture since ${staleSince.at.toTimeString().slice(0, 8)}`);
   write($('blank-text'), silentFrom !== undefined
     ? `The part of this page that paints has been silent for ${seconds} s. What the robot does now is not known here: look at the robot. If this stays, load the page anew.`
+    : lateMs
+    ? `Pictures come ${(lateMs / 1000).toFixed(1)} s late, because the way to this page is slow. What the robot does now is not known here: look at the robot.`
     : hasConnection
     ? `The drives have not reported for ${seconds} s. What the robot does now is not known here: look at the robot.`
-    : `Nothing has arrived for ${seconds} s. What the robot does now is not known here: look at the robot. Connecting again …`);
+    : `Nothing has arrived for ${seconds} s. What the robot does now is not known here: look at the robot. Connecting again … A console that was started anew has printed a new address.`);
   for (const id of ['bend-now', 'plane-now', 'off-now']) write($(id), '–');
   write($('error-now'), '');
   joints?.blank();
@@ -74,7 +76,7 @@ on('stale', ({ hasConnection, silentFrom }) => {
   write($('need-scale').querySelector('dd span'), '–');
   list([{ level: 'info', say: 'Not known.', todo: 'What was shown is too old.' }], 'stale');
   write($('sentence'), STATES.stale.say);
-  live('gone', silentFrom !== undefined ? 'No painter' : hasConnection ? 'No state' : 'No connection', '');
+  live('gone', silentFrom !== undefined ? 'No painter' : lateMs ? 'Too late' : hasConnection ? 'No state' : 'No connection', '');
 });
 
 on('slow', ({ message }) => {

@@ -1,5 +1,5 @@
 // The drive pad: who has it, what the hand on it does, fifty times a second while it is held. It exists only where a page may drive.
-import { ask } from './commands.js';
+import { ask, momentOf } from './commands.js';
 import { drawing, write } from './format.js';
 import { Hand, gamepads } from './hand.js';
 import { on, post } from './link.js';
@@ -58,5 +58,5 @@ export function startPad() {
   $('pad-field').replaceChildren(picture);
   knob = picture.querySelector('.knob');
   hand = new Hand($('pad-field'), REACH, jaws);
-  $('pad-take').addEventListener('click', () => { if (!isMine()) { mustLetGo = true; ask('take', {}, 'Pad', 'Waiting for the console.'); } });
+  $('pad-take').addEventListener('click', event => { if (!isMine()) { mustLetGo = true; ask('take', { at: momentOf(event) }, 'Pad', 'Waiting for the console.'); } });
 }

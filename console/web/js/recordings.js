@@ -2,7 +2,7 @@
 import { CompareView } from './compare.js';
 import { clock, drawing, instant, make, thousands, write } from './format.js';
 import { go, turnWithPointer } from './shell.js';
-import { JointBars, farthest } from './joints.js';
+import { JointBars } from './joints.js';
 import { degrees } from './snake.js';
 import { lend, on, post } from './link.js';
 import { useInLab } from './lab.js';
@@ -13,7 +13,12 @@ import { ended } from './work.js';
 const page = document.getElementById('recordings');
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 20];
 const parts = {};
+/// Pictures over which the tip's path goes on while a film plays, beside those that a step leaves out: a shape that is older than half a
+/// second is none.
+const REACH = 15;
 let wanted = null, film = null, errors = [], at = 0, isPlaying = false, speed = 1, lastTick = 0, chosen = null, isBuilt = false, wasOpened = false, facts = null, bars = null;
+// Which film was asked for last, and the picture that the tip's path has come to.
+let turn = 0, trailAt = -Infinity;
 
 function build() {
   isBuilt = true;
@@ -113,15 +118,37 @@ function compared(isShown) {
   parts.compared.element.hidden = !isShown;
 }
 
+/// What was shown is of another recording than the one that was asked for.
+function clear() {
+  [film, errors, bars, at, isPlaying, trailAt] = [null, [], null, 0, false, -Infinity];
+  Object.assign(parts.scrub, { max: 0, value: 0, disabled: true });
+  for (const part of [parts.curve, parts.marks, parts.joints]) part.replaceChildren();
+  parts.joints.hidden = true;
+  parts.head.style.left = '0';
+  for (const [part, text] of [[parts.time, instant(0)], [parts.length, ''], [parts.off, '–'], [parts.state, '']]) write(part, text);
+  post('forget');
+  button();
+}
+
+/// A film, or the sentence that says why there is none.
+async function filmOf(name) {
+  try {
+    const answer = await fetch(`/recordings/${encodeURIComponent(name)}`);
+    return answer.ok ? await answer.json() : await answer.text();
+  } catch { return 'The console does not answer.'; }
+}
+
 async function open(name) {
   compared(false);
   chosen = name;
-  isPlaying = false;
+  clear();
   for (const row of parts.rows.children) row.classList.toggle('chosen', row.dataset.name === name);
   write(parts.ribbon, `Reading ${name} …`);
-  const answer = await fetch(`/recordings/${encodeURIComponent(name)}`);
-  if (!answer.ok) { write(parts.ribbon, await answer.text()); return; }
-  film = await answer.json();
+  const own = turn += 1, read = await filmOf(name);
+  // Another one was asked for by now.
+  if (own !== turn) return;
+  if (typeof read === 'string') { write(parts.ribbon, read); return; }
+  film = read;
   const n = film.joints_wanted.find(joints => joints)?.length ?? 0;
   // Limits and unit of joints are those of the machine that this console was started for.
   const fits = n > 0 && facts?.joints?.low.length === n;
@@ -129,29 +156,34 @@ async function open(name) {
   parts.joints.hidden = !fits;
   const isDrawn = n === 0 || (fits && facts.joints.segments.length > 0);
   parts.canvas.hidden = !isDrawn;
-  errors = film.t_s.map((_, i) => n > 0 ? jointError(i) : film.bend[i] && film.setpoint[i] ? degrees(Math.hypot(film.bend[i][0] - film.setpoint[i][0], film.bend[i][1] - film.setpoint[i][1])) : null);
-  at = 0;
+  // Without this machine's unit nothing is said of joints.
+  errors = film.off.map(off => off === null || (n > 0 && !bars) ? null : n > 0 ? off * facts.per_si : degrees(off));
   write(parts.ribbon, n > 0 && !fits ? `${n} joints of another machine: open them with krait console ${name}` : `Recording ${name.replace(/\.mcap$/, '')} – not live`);
   Object.assign(parts.scrub, { max: Math.max(0, film.t_s.length - 1), disabled: film.t_s.length < 2 });
   write(parts.length, `of ${instant(film.t_s.at(-1) ?? 0)}`);
   curve();
-  post('forget');
-  button();
   show();
 }
 
-/// How far the joint or segment that is farthest off is from where it shall be; nothing without this machine's unit.
-function jointError(i) {
-  const [measured, wanted] = [film.joints[i], film.joints_wanted[i]];
-  return bars && measured && wanted?.length === measured.length ? farthest(facts, measured, wanted) * facts.per_si : null;
-}
-
+/// The error over time; where nothing was measured, there is none to draw.
 function curve() {
-  const n = errors.length, step = Math.max(1, Math.floor(n / 600)), values = [];
-  for (let i = 0; i < n; i += step) values.push(Math.max(0, ...errors.slice(i, i + step).filter(value => value !== null)));
+  const n = errors.length, step = Math.max(1, Math.floor(n / 600)), values = [], stretches = [];
+  for (let i = 0; i < n; i += step) {
+    const own = errors.slice(i, i + step).filter(value => value !== null);
+    values.push(own.length ? Math.max(...own) : null);
+  }
   const top = Math.max(bars ? 0.05 : 1, ...values) * 1.1;
-  const points = values.map((value, i) => `${(1000 * i / Math.max(1, values.length - 1)).toFixed(1)} ${(100 - 96 * value / top).toFixed(1)}`);
-  const picture = drawing('0 0 1000 100', `<path class="area" d="M0 100L${points.join('L')}L1000 100z"/><path class="line" d="M${points.join('L')}"/>`);
+  values.forEach((value, i) => {
+    if (value === null) return;
+    if (i === 0 || values[i - 1] === null) stretches.push([]);
+    const x = (1000 * i / Math.max(1, values.length - 1)).toFixed(1);
+    stretches.at(-1).push({ x, point: `${x} ${(100 - 96 * value / top).toFixed(1)}` });
+  });
+  const line = stretch => stretch.map(({ point }) => point).join('L');
+  const areas = stretches.map(own => `M${own[0].x} 100L${line(own)}L${own.at(-1).x} 100z`);
+  // A single value is a short line too.
+  const lines = stretches.map(own => `M${line(own)}h1`);
+  const picture = drawing('0 0 1000 100', `<path class="area" d="${areas.join('')}"/><path class="line" d="${lines.join('')}"/>`);
   picture.setAttribute('preserveAspectRatio', 'none');
   parts.curve.replaceChildren(picture);
   const seconds = film.t_s.at(-1) || 1;
@@ -160,16 +192,18 @@ function curve() {
 
 function button() { write(parts.play, isPlaying ? '❚❚' : '▶'); }
 
-function show() {
+/// The picture of now. One that does not follow on the last within `reach` pictures is a jump: there the tip has drawn no path.
+function show(reach = 1) {
   if (!film?.t_s.length) return;
-  const i = Math.min(film.t_s.length - 1, Math.floor(at));
+  const i = Math.min(film.t_s.length - 1, Math.floor(at)), isJump = i < trailAt || i - trailAt > reach;
   const joints = { measured: film.joints[i], wanted: film.joints_wanted[i], err_rms: null };
   if (bars) {
     bars.move(joints);
     bars.write(joints);
   }
   const jaw = film.jaw_wanted.length ? { measured: film.jaw[i], wanted: film.jaw_wanted[i] } : null;
-  if (!parts.canvas.hidden) post('picture', { bend: film.bend[i], setpoint: film.setpoint[i], joints, jaw });
+  if (film.bend[i] || joints.measured) trailAt = i;
+  if (!parts.canvas.hidden) post('picture', { bend: film.bend[i], setpoint: film.setpoint[i], joints, jaw, isJump });
   write(parts.time, instant(film.t_s[i]));
   write(parts.off, errors[i] === null ? '–' : bars ? `${errors[i].toFixed(2)} ${facts.unit}` : `${errors[i].toFixed(1)}°`);
   write(parts.state, film.operating[i].toLowerCase());
@@ -182,9 +216,10 @@ function tick(now) {
   const since = Math.min(200, now - lastTick);
   lastTick = now;
   if (!isPlaying || page.hidden || film.t_s.length < 2) return;
-  at = Math.min(film.t_s.length - 1, at + speed * since / 1000 / (film.t_s[1] - film.t_s[0]));
+  const step = speed * since / 1000 / (film.t_s[1] - film.t_s[0]);
+  at = Math.min(film.t_s.length - 1, at + step);
   if (at >= film.t_s.length - 1) { isPlaying = false; button(); }
-  show();
+  show(REACH + Math.ceil(step));
 }
 
 /// A verdict, or what is under way: a mark, a word, a sentence.

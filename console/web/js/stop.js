@@ -1,19 +1,27 @@
 // With script the stop acts on pressing down and by key; without, the form acts on letting go.
-const button = document.getElementById('stop'), say = document.getElementById('say'), rest = say.textContent;
-let timer = 0;
+const button = document.getElementById('stop'), say = document.getElementById('say'), rest = say.textContent, page = document.documentElement.dataset.page;
+let timer = 0, nth = 0;
+// Whoever pressed waits no longer than this to be told that nothing is confirmed.
+const ANSWERS_WITHIN_MS = 1500, NO_ANSWER = { is_done: false, say: 'The console does not answer. Use the machine’s emergency stop.' };
 
 async function stop() {
+  const own = ++nth, tell = outcome => {
+    // Only the newest press speaks.
+    if (own !== nth) return;
+    clearTimeout(timer);
+    button.className = outcome.is_done ? 'done' : 'failed';
+    say.textContent = outcome.say;
+    if (outcome.is_done) timer = setTimeout(() => { button.className = ''; say.textContent = rest; }, 8000);
+  };
   clearTimeout(timer);
   button.className = 'sent';
   say.textContent = 'sent …';
-  let outcome = { is_done: false, say: 'The console does not answer. Use the machine’s emergency stop.' };
+  // An answer that comes later still is shown in its place.
+  timer = setTimeout(() => tell(NO_ANSWER), ANSWERS_WITHIN_MS);
   try {
     const answer = await fetch(location.pathname, { method: 'POST', headers: { Accept: 'application/json' } });
-    if (answer.ok) outcome = await answer.json();
-  } catch { /* the sentence above says it */ }
-  button.className = outcome.is_done ? 'done' : 'failed';
-  say.textContent = outcome.say;
-  if (outcome.is_done) timer = setTimeout(() => { button.className = ''; say.textContent = rest; }, 8000);
+    tell(answer.ok ? await answer.json() : NO_ANSWER);
+  } catch { tell(NO_ANSWER); }
 }
 
 // The keyboard comes along, also with a finger, which does not bring it by itself.
@@ -27,7 +35,8 @@ addEventListener('keydown', event => {
 });
 // Whoever pressed the stop has the keyboard here; the letters of the other commands go on to the page.
 addEventListener('keydown', event => {
-  const page = document.documentElement.dataset.page;
-  if (page && parent !== window && event.key.length === 1 && event.key !== ' ' && !event.repeat && !event.ctrlKey && !event.metaKey && !event.altKey) parent.postMessage({ key: event.key }, page);
+  if (page && parent !== window && event.key.length === 1 && event.key !== ' ' && !event.repeat && !event.ctrlKey && !event.metaKey && !event.altKey) parent.postMessage({ key: event.key, at: performance.timeOrigin + event.timeStamp }, page);
 });
-addEventListener('message', event => { if (event.origin === document.documentElement.dataset.page && event.data === 'stop') stop(); });
+// The page's Escape comes here, once the page knows that somebody is here.
+if (page && parent !== window) parent.postMessage('here', page);
+addEventListener('message', event => { if (event.origin === page && event.data === 'stop') stop(); });

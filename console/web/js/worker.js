@@ -21,6 +21,9 @@ function narrow(stamp, asked, came) {
   offset = ahead.most === Infinity ? null : (ahead.least + ahead.most) / 2;
 }
 
+/// An instant of the page, ms since 1970, on the server's clock: when a hand pressed, however long the page has hung since.
+const onServer = at => at - performance.timeOrigin + offset;
+
 const machineSaid = facts => JSON.stringify({ ...facts, recording: null, compensation: null });
 
 function connect() {
@@ -73,6 +76,9 @@ function ping() {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ k: 'ping', t: performance.now() }));
 }
 
+/// How long after it was sent the newest frame came, ms: a slow way keeps frames of long ago in its buffers. 0 where that is not known.
+const late = () => frame && offset !== null ? Math.max(0, arrived + offset - frame.t_ms) : 0;
+
 function blank() {
   scene?.clear();
   strip?.clear();
@@ -82,11 +88,11 @@ function blank() {
 function paint() {
   requestAnimationFrame(paint);
   const now = performance.now(), since = now - arrived;
-  const age = frame?.age_ms === null || !frame ? Infinity : frame.age_ms + since;
-  const isStale = since > STALE_MS || !frame || frame.shown === 'stale';
+  const age = frame?.age_ms === null || !frame ? Infinity : frame.age_ms + late() + since;
+  const isLate = late() > STALE_MS, isStale = since > STALE_MS || !frame || frame.shown === 'stale' || isLate;
   if (isStale) {
     if (!isBlank) blank();
-    tell('stale', { age, hasConnection: socket?.readyState === WebSocket.OPEN && since < STALE_MS });
+    tell('stale', { age, hasConnection: socket?.readyState === WebSocket.OPEN && since < STALE_MS, lateMs: isLate ? late() : null });
     return;
   }
   if (frame === lastShape && !scene?.goal) return tell('frame', { frame, age, glass });
@@ -127,12 +133,13 @@ onmessage = ({ data }) => {
     case 'colours': colours = data.colours; lastShape = null; paintReplay(); break;
     case 'picture': {
       recorded = data;
+      if (data.isJump) replay?.clear();
       const bends = machine && shapeOf(data).bends;
       if (bends) replay?.remember(bends, machine);
       paintReplay();
       break;
     }
-    case 'forget': replay?.clear(); break;
+    case 'forget': recorded = null; replay?.clear(); break;
     case 'turn': ({ scene, replay })[data.name]?.turn(data.azimuth, data.elevation); lastShape = null; paintReplay(); break;
     case 'zoom': ({ scene, replay })[data.name]?.zoom(data.factor); lastShape = null; paintReplay(); break;
     case 'view': scene?.preset(data.name, facts?.view_roll_rad ?? 0); lastShape = null; break;
@@ -140,18 +147,18 @@ onmessage = ({ data }) => {
     case 'wish':
       // Without a connection nothing is kept for later: the page says so when no answer comes.
       if (socket?.readyState === WebSocket.OPEN && offset !== null) {
-        socket.send(JSON.stringify({ k: 'wish', id: data.id, wish: data.wish, session, at_ms: performance.now() + offset }));
+        socket.send(JSON.stringify({ k: 'wish', id: data.id, wish: data.wish, session, at_ms: onServer(data.at) }));
       }
       break;
     case 'take':
       if (socket?.readyState === WebSocket.OPEN && offset !== null) {
-        socket.send(JSON.stringify({ k: 'take', id: data.id, session, at_ms: performance.now() + offset }));
+        socket.send(JSON.stringify({ k: 'take', id: data.id, session, at_ms: onServer(data.at) }));
       }
       break;
     case 'hand':
-      // The page's instant on the server's clock; where the way is blocked nothing queues up.
+      // Where the way is blocked nothing queues up.
       if (socket?.readyState === WebSocket.OPEN && offset !== null && socket.bufferedAmount === 0) {
-        socket.send(JSON.stringify({ k: 'pad', n: data.n, held: data.held, x: data.x, y: data.y, jaw: data.jaw, session, at_ms: data.at - performance.timeOrigin + offset }));
+        socket.send(JSON.stringify({ k: 'pad', n: data.n, held: data.held, x: data.x, y: data.y, jaw: data.jaw, session, at_ms: onServer(data.at) }));
       }
       break;
     case 'connect': connect(); setInterval(ping, PING_EVERY_MS); requestAnimationFrame(paint); break;
