@@ -1,6 +1,7 @@
 //! What a process can ask of the kernel to be on time: priority, memory that stays, cores of its own. Each wish is granted
 //! or refused by itself; what is refused is told in a sentence that says how to mend it.
 
+use crate::Priority;
 use crate::setting::{SettingError, check};
 use crate::settings;
 use rustix::mm::{MlockAllFlags, mlockall};
@@ -22,13 +23,13 @@ const LAST_TURN: usize = 3;
 const CAP_IPC_LOCK: u64 = 1 << 14;
 
 settings! {
-    /// What the four processes between the hand and the drives ask of the kernel. No priority by default: it takes a right that
-    /// most users lack.
+    /// What the four processes between the hand and the drives ask of the kernel.
     #[derive(Clone, Debug, PartialEq, Eq)]
     pub struct Realtime in "realtime" {
         /// SCHED_FIFO priority of the slave, each process before it one less, so that a sample goes on to the drives before the
-        /// processes behind it tidy up; 0: time sharing as every other process.
-        priority: u8 = 0, 0..=99;
+        /// processes behind it tidy up: 1 to 99; 0: time sharing as every other process; "auto": 40 where this user has the right,
+        /// and no process polls.
+        priority: Priority = Priority::Auto;
         /// Whether all memory is kept in RAM and the stack is touched beforehand.
         lock_memory: bool = false;
         /// Where the processes run: "one" (all on one core), "any", or a list such as [2, 3].
@@ -124,7 +125,7 @@ pub enum RealtimeError {
 impl Realtime {
     /// Asks for nothing: a process like every other.
     pub const ORDINARY: Self =
-        Self { priority: 0, lock_memory: false, cores: Cores::Any, slice_us: 0, keep_awake: false };
+        Self { priority: Priority::NONE, lock_memory: false, cores: Cores::Any, slice_us: 0, keep_awake: false };
 
     /// Checks every range.
     ///
@@ -132,6 +133,7 @@ impl Realtime {
     /// [`RealtimeError`] names the first setting that is out of range.
     pub fn check(&self) -> Result<(), RealtimeError> {
         self.check_ranges()?;
+        check((Self::TABLE, "priority"), f64::from(self.priority.number()), (0.0, 99.0), Priority::BY_ITSELF)?;
         if self.slice_us != 0 {
             check((Self::TABLE, "slice_us"), f64::from(self.slice_us), (f64::from(SHORTEST_SLICE_US), 1e5), 100)?;
         }
@@ -157,16 +159,15 @@ impl Realtime {
         if self.keep_awake && idx < self.n_cores() {
             refused.extend(keep_awake().err());
         }
-        if self.slice_us > 0 && self.priority == 0 {
-            refused.extend(set_slice(self.slice_of(idx)).err());
-        }
         if self.lock_memory {
             refused.extend(lock_memory().err());
         }
         // Last, so that what is slow above does not run at high priority.
-        if self.priority > 0 {
-            refused.extend(set_fifo(self.priority_of(idx), self.priority).err());
+        let asked = (self.priority.number() > 0).then(|| set_fifo(self.priority_of(idx), self.priority.number()));
+        if self.slice_us > 0 && asked != Some(Ok(())) {
+            refused.extend(set_slice(self.slice_of(idx)).err());
         }
+        refused.extend(asked.and_then(Result::err).filter(|_| self.priority != Priority::Auto));
         refused
     }
 
@@ -177,7 +178,8 @@ impl Realtime {
 
     /// SCHED_FIFO priority so many places before the slave: one less for each, at least 1; 0 where none is asked for.
     fn priority_before_slave(&self, n_places: usize) -> u8 {
-        self.priority.saturating_sub(n_places as u8).max(self.priority.min(1))
+        let highest = self.priority.number();
+        highest.saturating_sub(n_places as u8).max(highest.min(1))
     }
 
     /// Slice of the `idx`-th of the chain's four processes, us: the last one's doubled for each process between.
@@ -199,7 +201,7 @@ pub struct Beside {
     cores: Option<CpuSet>,
     priority: u8,
     /// The slave's: what the user must be given.
-    highest: u8,
+    highest: Priority,
 }
 
 impl Beside {
@@ -213,7 +215,8 @@ impl Beside {
     pub fn apply(&self) -> Vec<String> {
         let cores = self.cores.as_ref().map(|cores| sched_setaffinity(None, cores));
         let refused = cores.and_then(Result::err).map(|error| format!("the cores of a thread stay one: {error}"));
-        let below = (self.priority > 0).then(|| set_fifo(self.priority, self.highest)).and_then(Result::err);
+        let below = (self.priority > 0).then(|| set_fifo(self.priority, self.highest.number())).and_then(Result::err);
+        let below = below.filter(|_| self.highest != Priority::Auto);
         refused.into_iter().chain(below).collect()
     }
 }
@@ -347,7 +350,7 @@ mod tests {
     #[test]
     fn settings_out_of_range_are_named() {
         let error = |wish: Realtime| wish.check().expect_err("out of range").to_string();
-        let too_high = error(Realtime { priority: 100, ..Realtime::default() });
+        let too_high = error(Realtime { priority: Priority::Fixed(100), ..Realtime::default() });
         assert!(too_high.starts_with("[realtime] priority = 100: expected 0 to 99;"), "{too_high}");
         let no_core = error(Realtime { cores: Cores::Named(vec![0, 4096]), ..Realtime::default() });
         assert!(no_core.contains("[0, 4096]"), "{no_core}");
@@ -369,11 +372,31 @@ mod tests {
 
     #[test]
     fn a_process_nearer_to_the_drives_has_the_higher_priority_and_what_works_beside_the_chain_a_lower_one() {
-        let wish = |priority| Realtime { priority, ..Realtime::default() };
+        let wish = |priority| Realtime { priority: Priority::Fixed(priority), ..Realtime::default() };
         let priorities = |priority| [0, 1, 2, 3].map(|idx| wish(priority).priority_of(idx));
         assert_eq!(priorities(40), [37, 38, 39, 40]);
         assert_eq!(priorities(2), [1, 1, 1, 2], "1 is the lowest");
         assert_eq!([40, 2, 0].map(|priority| Beside::before(&wish(priority)).priority), [36, 1, 0]);
+    }
+
+    #[test]
+    fn a_priority_by_itself_is_that_of_its_number_and_nothing_is_said_where_it_is_refused() {
+        let by_itself = Realtime { priority: Priority::Auto, ..Realtime::ORDINARY };
+        let asked = Realtime { priority: Priority::Fixed(Priority::BY_ITSELF), ..Realtime::ORDINARY };
+        assert_eq!(by_itself.priority_of(0), asked.priority_of(0));
+        let [said, told] = [&by_itself, &asked].map(|wish| in_a_thread(|| wish.apply(3, "main")));
+        assert!(said.is_empty(), "{said:?}");
+        // Where one is given, the other is.
+        let own = in_a_thread(|| {
+            by_itself.apply(3, "main");
+            crate::standing::Standing::of_this_thread()
+        });
+        let whole = in_a_thread(|| {
+            asked.apply(3, "main");
+            crate::standing::Standing::of_this_thread()
+        });
+        assert_eq!(own, whole);
+        assert!(told.len() <= 1, "{told:?}");
     }
 
     #[test]

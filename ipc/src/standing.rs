@@ -54,7 +54,7 @@ fn fifo_priority(stat: &str) -> Option<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Realtime;
+    use crate::{Priority, Realtime};
 
     /// A thread of its own, so that its policy ends with it.
     fn in_a_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn a_thread_takes_the_priority_of_the_one_that_opened_it_and_gives_it_back() {
         in_a_thread(|| {
-            let refused = Realtime { priority: 7, ..Realtime::ORDINARY }.apply(3, "main");
+            let refused = Realtime { priority: Priority::Fixed(7), ..Realtime::ORDINARY }.apply(3, "main");
             let own = Standing::of_this_thread();
             assert_eq!(own.priority == 7, refused.is_empty(), "{refused:?}");
             in_a_thread(|| {

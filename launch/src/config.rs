@@ -273,6 +273,7 @@ fn nearest(message: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use krait_ipc::Priority;
 
     #[test]
     fn the_defaults_are_in_range_and_survive_a_round_trip_through_toml() {
@@ -295,6 +296,20 @@ mod tests {
         // Budgets are explained in their guide; the axes under `axis_map`.
         assert_eq!(bare, ["view_x = \"+x\"", "view_y = \"+z\"", "view_z = \"-y\""]);
         assert!(text.contains("Range: 0.01 to 10.\nmax_bend_vel_rad_per_s = 2.0"), "{text}");
+    }
+
+    #[test]
+    fn a_priority_is_a_number_or_the_kernels_to_give() {
+        let read = |value: &str| Config::parse(&format!("[realtime]\npriority = {value}\n"));
+        for (value, priority) in [("\"auto\"", Priority::Auto), ("0", Priority::NONE), ("60", Priority::Fixed(60))] {
+            assert_eq!(read(value).expect("a priority").realtime.priority, priority);
+        }
+        for wrong in ["\"high\"", "-1", "1.5", "true"] {
+            let told = read(wrong).expect_err("no priority").to_string();
+            assert!(told.contains("expected \"auto\" or a whole number of 0 to 99"), "{wrong}: {told}");
+        }
+        let told = read("100").expect("a number").check().expect_err("too high").to_string();
+        assert!(told.contains("[realtime] priority = 100: expected 0 to 99"), "{told}");
     }
 
     #[test]

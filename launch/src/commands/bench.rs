@@ -10,7 +10,7 @@ use crate::{print, signals};
 use anyhow::{Context, bail};
 use core::sync::atomic::{AtomicBool, Ordering};
 use krait_bench::{Broken, ChainFigures, ChainKind, ChainRounds, Host, Load, Plan};
-use krait_ipc::{Realtime, WaitMode, clock};
+use krait_ipc::{Priority, Realtime, WaitMode, clock};
 use krait_report::Table;
 use krait_slave::DriveConfig;
 use serde::Serialize;
@@ -147,10 +147,9 @@ fn mode(wait: WaitKind) -> WaitMode {
 
 /// What the processes of a chain ask of the kernel when nothing else is asked for on the command line.
 fn asked(args: &BenchArgs, otherwise: &Realtime) -> Realtime {
-    let mut realtime = otherwise.clone();
-    if args.priority > 0 {
-        (realtime.priority, realtime.lock_memory) = (args.priority, true);
-    }
+    // One priority for every chain that is measured, or none.
+    let mut realtime = Realtime { priority: Priority::Fixed(args.priority), ..otherwise.clone() };
+    realtime.lock_memory |= args.priority > 0;
     if let Some(cores) = &args.cores {
         realtime.cores = cores.clone();
     }

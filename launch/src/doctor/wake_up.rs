@@ -3,7 +3,7 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use hdrhistogram::Histogram;
-use krait_ipc::{Cores, Process, Realtime, allowed_cores, clock};
+use krait_ipc::{Cores, Priority, Process, Realtime, allowed_cores, clock};
 use krait_report::Quantiles;
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
 use rustix::time::Timespec;
@@ -44,7 +44,9 @@ fn on_core(core: usize, seconds: f64, priority: u8, stop: &AtomicBool) -> Option
         return None;
     }
     // The slave's turn has the priority itself; those before it have less.
-    let is_granted = Realtime { priority, ..Realtime::ORDINARY }.apply(Process::Slave.core_turn()?, "").is_empty();
+    let is_granted = Realtime { priority: Priority::Fixed(priority), ..Realtime::ORDINARY }
+        .apply(Process::Slave.core_turn()?, "")
+        .is_empty();
     let mut histogram = Histogram::<u64>::new_with_bounds(1, LONGEST_NS, 3).ok()?;
     let mut due_ns = clock::monotonic_ns();
     let end_ns = due_ns + (seconds * 1e9) as i64;

@@ -3,7 +3,7 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use krait_ipc::{Cores, Process, Realtime, allowed_cores, clock};
+use krait_ipc::{Cores, Priority, Process, Realtime, allowed_cores, clock};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -29,7 +29,8 @@ impl Pauses {
     pub fn above(priority: u8) -> anyhow::Result<Self> {
         let mut listening = Self { is_over: Arc::default(), threads: Vec::new() };
         for core in allowed_cores() {
-            let wish = Realtime { priority: priority + 1, cores: Cores::Named(vec![core]), ..Realtime::ORDINARY };
+            let priority = Priority::Fixed(priority + 1);
+            let wish = Realtime { priority, cores: Cores::Named(vec![core]), ..Realtime::ORDINARY };
             let is_over = listening.is_over.clone();
             let thread = std::thread::Builder::new().name(format!("core {core}"));
             listening.threads.push(thread.spawn(move || listen(&wish, &is_over))?);

@@ -16,7 +16,7 @@ use anyhow::Context;
 use core::fmt::Write;
 use core::sync::atomic::AtomicBool;
 use krait_ipc::message::{Command, Message, OperatingState, Setpoint, SlaveState};
-use krait_ipc::{Bus, Cores, InstanceName, Process, ReadOptions, Realtime, clock, resources_of};
+use krait_ipc::{Bus, Cores, InstanceName, Priority, Process, ReadOptions, Realtime, clock, resources_of};
 use krait_record::Recording;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -57,7 +57,7 @@ pub fn play(fault: Fault, moment: StrikeTime, folder: &Path, stop: &AtomicBool) 
     let mut config = Config::default();
     config.record.path = Some(recording_in(fault, folder));
     // A busy machine is another fault than the one that is tried. Where that is refused, the chain goes on without.
-    config.realtime = Realtime { priority: PRIORITY, cores: Cores::Any, ..config.realtime };
+    config.realtime = Realtime { priority: Priority::Fixed(PRIORITY), cores: Cores::Any, ..config.realtime };
     let (place, end, _) = fault.row();
     if place == FaultPlace::Snake {
         let truth = folder.join("truth.toml");

@@ -27,7 +27,7 @@ const SETTLE: Duration = Duration::from_secs(2);
 const READERS: usize = 9;
 /// Connections that hang; a fifth of them are pages that never read.
 const STALLED: usize = 100;
-/// Environment variable with the chain's SCHED_FIFO priority; without it the chain shares time as every other process.
+/// Environment variable with the chain's SCHED_FIFO priority; without it the chain has that of the default configuration.
 const PRIORITY: &str = "KRAIT_PRIORITY";
 /// With a priority whatever is beside the chain changes its p50 by less than this, beside the slower of two runs without a console.
 const MOST_RATIO: f64 = 1.1;
@@ -61,7 +61,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     let n_turns = std::env::var(OTHER_TURNS).map_or(TURNS, |turns| turns.parse().expect("a number of turns"));
     println!("load before: {}", load());
     let config = folder.file("config.toml");
-    let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "0".to_owned());
+    let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "\"auto\"".to_owned());
     println!("[realtime] priority = {priority}");
     std::fs::write(&config, format!("[realtime]\npriority = {priority}\n")).expect("written");
     let arguments = ["run", "--engage=again", "--instance", &instance, "--config", &config, "--recording", &recording];
