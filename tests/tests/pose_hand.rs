@@ -191,6 +191,8 @@ fn a_pose_sender_bends_the_snake_and_neither_a_second_one_nor_a_jump_nor_silence
     let ended = krait.end(PATIENCE);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert!(ended.stderr.contains("a second sender of poses is ignored"), "{}", ended.stderr);
+    // What the hand can and this snake cannot is named at the start.
+    assert!(ended.stderr.contains("a snake of three lines bends in two directions"), "{}", ended.stderr);
     assert!(ended.stderr.contains("expected 72 bytes"), "{}", ended.stderr);
 
     assert_no_jump(&states_in(&recording));
