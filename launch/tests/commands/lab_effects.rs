@@ -1,5 +1,6 @@
 //! A formula of one's own takes part in a diagnosis, and the command that is printed adds it to the model.
 
+use krait_model::model_file::ModelFile;
 use serde_json::Value;
 use std::fmt::Write;
 use std::fs;
@@ -47,7 +48,8 @@ fn a_formula_that_is_offered_is_found_and_the_printed_command_adds_it() {
         folder.join(name).display().to_string()
     };
     let (data, model) = (path("data.csv", &data()), path("base.toml", MODEL));
-    let own = path("own.toml", &format!("{MODEL}{BUMP}"));
+    let own_text = format!("{MODEL}{BUMP}");
+    let own = path("own.toml", &own_text);
     let files = format!("--model {model} --data {data}");
 
     let found = json(&format!("lab diagnose {files} --effects {own} --json"));
@@ -71,6 +73,22 @@ fn a_formula_that_is_offered_is_found_and_the_printed_command_adds_it() {
     assert!(differ.abs() < 0.05, "{added} beside {found}");
     let text = fs::read_to_string(&short).unwrap();
     assert!(text.contains("kind = \"formula\"") && text.contains("name = \"bump\""), "{text}");
+    // The fit began elsewhere, and what was found is what the file has; so it is of a fit of that file.
+    let written = |file: &str, name: &str| {
+        let model = ModelFile::parse(&fs::read_to_string(file).unwrap()).unwrap();
+        model.effects()[0].setting().value(name).unwrap()
+    };
+    for (name, begun) in [("a", 0.02), ("c", 0.1), ("w", 0.2)] {
+        let (found, in_file) = (added["params"][name]["value"].as_f64().unwrap(), written(&short, name));
+        assert!((found - begun).abs() > 1e-3 && found == in_file, "{name}: {found} found, {in_file} in {text}");
+    }
+    let off = folder.join("off.toml").display().to_string();
+    fs::write(&off, own_text.replace("a = 0.01", "a = 0.02")).unwrap();
+    let refitted = folder.join("refitted.toml").display().to_string();
+    let words = "--free bump.a --free bump.c --free bump.w --json";
+    let fit = json(&format!("lab fit {words} --model {off} --data {data} --out {refitted}"));
+    let found = fit["params"]["a"]["value"].as_f64().unwrap();
+    assert!((found / by_text.as_f64().unwrap()).abs() > 0.9 && found == written(&refitted, "a"), "{fit}");
     let cubic =
         json(&format!("lab add cubic --effects {own} {files} --json --out {}", folder.join("cubic.toml").display()));
     assert_eq!(cubic["effect"], "cubic", "{cubic}");

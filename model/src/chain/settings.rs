@@ -96,6 +96,10 @@ impl EffectSetting {
             return Err(ChainError::NotFinite { name: self.label().to_owned(), key: name.to_owned(), found: value });
         }
         self.values[index] = value;
+        // The formula as it is written says the same: model files print it.
+        if let Some(own) = self.formula.as_mut().and_then(|formula| formula.parameters.get_mut(index)) {
+            own.value = value;
+        }
         Ok(self)
     }
 

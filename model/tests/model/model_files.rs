@@ -280,6 +280,27 @@ fn fitted_values_are_kept_with_their_origin() {
     assert_eq!(ChainSettings::default().transition_m, 20e-6);
 }
 
+/// A fit begins at a formula's own numbers and ends elsewhere: the file has the end, of every kind of machine.
+#[test]
+fn a_formula_is_written_with_the_values_that_it_has_and_not_with_those_it_began_at() {
+    for (machine, hook) in [
+        ("kind = \"snake\"\n", "meas"),
+        ("kind = \"joints\"\nn = 1\n", "joint"),
+        ("kind = \"force\"\nn = 1\nunit = \"Nm\"\n", "force"),
+    ] {
+        let text = format!(
+            "format = 1\n[machine]\n{machine}[[effect]]\nkind = \"formula\"\nname = \"own\"\nhook = \"{hook}\"\n\
+             formula = \"a * b\"\nparams = {{ a = 0.001, b = 2.0 }}\n"
+        );
+        let file = ModelFile::parse(&text).unwrap();
+        let fitted = FileEffect::new(file.effects()[0].setting().clone().with("a", 0.004).unwrap());
+        let file = ModelFile::new(file.machine().clone(), vec![fitted], vec![]).unwrap();
+        let again = ModelFile::parse(&file.to_toml()).unwrap();
+        let value = |name| again.effects()[0].setting().value(name);
+        assert_eq!((value("a"), value("b"), &again), (Some(0.004), Some(2.0), &file), "{}", file.to_toml());
+    }
+}
+
 #[test]
 fn the_guide_holds_every_effect_with_its_equation_and_parameters() {
     let guide = include_str!("../../../docs/physics/effects.md");
