@@ -5,7 +5,7 @@ use crate::diagnose::floor::Floor;
 use crate::diagnose::search::{Search, Trial};
 use crate::fit::{Fit, Uncertainty, Variable, fit_to_end, held_out_output_squares, uncertainty};
 use crate::free::free_variables;
-use crate::joint::{Ground, OF_MACHINE, Start, Together};
+use crate::joint::{Ground, OF_MACHINE, Start, Together, check_effect, check_gains};
 use crate::machine::{Candidate, FreeJoints, Freed, JointsLab, MachineUnderTest, freed, joint_number, nearest};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
@@ -86,6 +86,10 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
     let options = of_joints.as_ref().unwrap_or(options);
     let machine = freed.as_ref().map_or(machine, |own| &own.joints as &dyn MachineUnderTest);
     let asked = freed.as_ref().map_or(Vec::new(), |own| own.numbers.clone());
+    if let Some(joints) = machine.as_joints() {
+        check_gains(joints, data, &options.recordings)?;
+        check_effect(&options.term, data, &options.recordings)?;
+    }
     if let Some(joints) = machine.as_joints().filter(|_| !options.from_given && options.free.is_empty())
         && let Some(added) = crate::joint::add(joints, data, options)?
     {
@@ -172,6 +176,9 @@ pub fn refit(
     stage("Fitting the values");
     // A gain or an offset that the user frees by name takes the place of the machine's.
     let is_asked = |name: &str| free.iter().any(|(effect, _)| effect == name);
+    if let Some(joints) = machine.as_joints() {
+        check_gains(&freed(joints, free)?.joints, data, &[])?;
+    }
     if let Some(joints) = machine.as_joints().filter(|_| !OF_MACHINE.into_iter().any(is_asked)) {
         let Freed { joints, others, .. } = &freed(joints, free)?;
         let start = Start { terms: joints.effects(), variables: &[] };

@@ -46,6 +46,17 @@ pub enum LabError {
         /// Why, a verb first.
         reason: String,
     },
+    /// A gain that no fit can find, since its joint stands still.
+    #[error(
+        "{data}: {joint} does not move, so that its gain cannot be seen, expected motion of every joint whose gain the model leaves open; record \
+         it in motion, or give its gain as a number in the model file"
+    )]
+    StillGain {
+        /// The data's file.
+        data: String,
+        /// The joint as its columns name it.
+        joint: String,
+    },
     /// Positions of a tip that make no bends.
     #[error("{data}: the tip's positions: {why}")]
     Tip {

@@ -225,6 +225,14 @@ pub(crate) fn bounds(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     values.into_iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
 }
 
+/// Movement relative to the magnitude that is rounding and not motion.
+const STILL: f64 = 1e-9;
+
+/// Whether values between these bounds do not move, or there are none.
+pub(crate) fn is_still((low, high): (f64, f64)) -> bool {
+    low > high || high - low <= STILL * high.abs().max(low.abs())
+}
+
 /// Largest range of any input.
 pub fn largest_range(data: &Measurements) -> f64 {
     let range = |k: usize| {

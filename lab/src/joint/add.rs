@@ -12,6 +12,7 @@ use super::search::Search;
 use super::signal::Signal;
 use super::simulate::Varies;
 use super::starts::settled;
+use super::still::moves;
 use super::terms::{self, Value, term};
 use crate::add::Added;
 use crate::fit::{Uncertainty, Variable};
@@ -46,7 +47,7 @@ pub(crate) fn add(machine: &JointsLab, data: &Measurements, options: &AddOptions
         let loss = Loss { weight: &weight, noise: fast_noise(&signal) };
         let own = candidates(&signal).into_iter().filter(|kind| is_wanted(*kind, wanted)).collect();
         let search = Search::new(&signal, loss, own);
-        let is_in_scope = only == 0 || only == joint + 1;
+        let is_in_scope = (only == 0 || only == joint + 1) && moves(data, joint, &options.recordings);
         let fitted: Option<Fit> = search
             .candidates
             .iter()

@@ -23,6 +23,7 @@ mod signal;
 mod simulate;
 mod solve;
 mod starts;
+mod still;
 mod terms;
 
 pub(crate) use add::add;
@@ -32,3 +33,4 @@ pub(crate) use numbers::calibrated;
 pub(crate) use own::{Ground, OF_MACHINE, Start, Together, told};
 pub(crate) use signal::Number;
 pub(crate) use starts::{Starts, has_starts, with_starts};
+pub(crate) use still::{check_effect, check_gains};

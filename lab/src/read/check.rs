@@ -2,7 +2,7 @@
 
 use super::ReadError;
 use crate::Measurements;
-use crate::noise::bounds;
+use crate::noise::{bounds, is_still};
 use std::path::Path;
 
 /// Rows with a measured shape below which no rms means anything.
@@ -10,9 +10,6 @@ const MIN_SCORED: usize = 10;
 
 /// Blocks of noise are judged in pieces of two seconds; below that there is not one.
 const MIN_DURATION_S: f64 = 2.0;
-
-/// Movement of an input, relative to its magnitude, that is rounding and not motion.
-const STILL: f64 = 1e-9;
 
 /// Where measurements stand in their file, for sentences.
 pub(super) struct Place<'a> {
@@ -37,7 +34,6 @@ pub(super) fn enough(place: &Place, data: &Measurements) -> Result<(), ReadError
         let what = format!("the trials in {time} last {duration_s:.3} s together");
         return little(what, "2 s or more", "record a longer run");
     }
-    let is_still = |(low, high): (f64, f64)| high - low <= STILL * high.abs().max(low.abs());
     if ranges(&data.inputs, data.n_inputs).all(is_still) {
         let what = format!("one single pose was found in {inputs}");
         return little(what, "a machine that moves", "record a motion with reversals");

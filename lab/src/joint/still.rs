@@ -1,0 +1,48 @@
+//! Joints that do not move: neither a gain nor an effect of theirs can be seen.
+
+use super::numbers::names_and_trials;
+use super::signal::Number;
+use crate::machine::JointsLab;
+use crate::noise::{bounds, is_still};
+use crate::{LabError, Measurements, Term};
+
+/// Refuses a joint that stands still in every recording while the model leaves its gain to the fits.
+///
+/// # Errors
+/// [`LabError::StillGain`].
+pub(crate) fn check_gains(
+    machine: &JointsLab,
+    data: &Measurements,
+    recordings: &[(String, usize)],
+) -> Result<(), LabError> {
+    let is_open = |joint: &usize| machine.gain_known(*joint) == Number::Free;
+    let still = (0..data.n_inputs).filter(is_open).find(|joint| !moves(data, *joint, recordings));
+    still.map_or(Ok(()), |joint| {
+        let (source, joint) = (data.source.clone(), data.names.joint(joint + 1));
+        Err(LabError::StillGain { data: source, joint })
+    })
+}
+
+/// Refuses a new effect on a joint that stands still in every recording. An effect on every joint, and a formula, need one that moves.
+///
+/// # Errors
+/// [`LabError::CannotShow`].
+pub(crate) fn check_effect(term: &Term, data: &Measurements, recordings: &[(String, usize)]) -> Result<(), LabError> {
+    let joint = term.values.first().filter(|_| term.formula.is_none()).map_or(0, |joint| joint.round() as usize);
+    // That there is no such joint the chain says.
+    if joint == 0 || joint > data.n_inputs || moves(data, joint - 1, recordings) {
+        return Ok(());
+    }
+    let reason = format!("is on {}, which does not move in {}", data.names.joint(joint), data.source);
+    Err(LabError::CannotShow { effect: term.label().to_owned(), reason })
+}
+
+/// Whether a joint, from 0, moves in one of the recordings; each has a gain and an offset of its own.
+pub(super) fn moves(data: &Measurements, joint: usize, recordings: &[(String, usize)]) -> bool {
+    let (_, first_trials) = names_and_trials(recordings);
+    (0..first_trials.len()).any(|k| {
+        let end = first_trials.get(k + 1).copied().unwrap_or(usize::MAX);
+        let rows = (0..data.n_rows()).filter(|row| (first_trials[k]..end).contains(&(data.trial[*row] as usize)));
+        !is_still(bounds(rows.map(|row| data.input(row)[joint]).filter(|u| u.is_finite())))
+    })
+}
