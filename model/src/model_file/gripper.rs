@@ -52,7 +52,7 @@ pub(super) fn gripper(section: &Section) -> Result<FileGripper, ModelFileError> 
     let mut gripper = Gripper::new(numbers, &[]).map_err(refused)?;
     let jaw = Machine::Joints(numbers.joints());
     for section in &section.sections("effect")? {
-        effects.push(read_effect::effect(section, &jaw)?);
+        effects.push(read_effect::held_effect(section, &jaw)?);
         // The whole list so far: what is wrong with it is wrong with its last effect.
         let chain = |source| ModelFileError::Chain { line: section.line, source };
         gripper = Gripper::new(numbers, &settings(&effects)).map_err(chain)?;

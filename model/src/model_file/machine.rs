@@ -138,17 +138,12 @@ pub struct ForceMachine {
 
 impl ForceMachine {
     /// Refuses effects that it cannot have, and two formulas of one name.
-    pub(super) fn check_all<'a>(&self, effects: impl Iterator<Item = &'a EffectSetting>) -> Result<(), ChainError> {
-        let mut formulas: Vec<(usize, &str)> = Vec::new();
-        for (place, effect) in effects.enumerate() {
-            self.check(effect)?;
-            let Some(text) = effect.formula_text() else { continue };
-            if let Some((first, _)) = formulas.iter().find(|(_, name)| *name == text.name) {
-                return Err(ChainError::Twice { name: text.name.clone(), first: first + 1, second: place + 1 });
-            }
-            formulas.push((place, &text.name));
-        }
-        Ok(())
+    pub(super) fn check_all<'a>(
+        &self,
+        effects: impl Iterator<Item = &'a EffectSetting> + Clone,
+    ) -> Result<(), ChainError> {
+        effects.clone().try_for_each(|effect| self.check(effect))?;
+        check_names(effects)
     }
 
     /// Refuses an effect that it cannot have.
@@ -173,6 +168,19 @@ impl ForceMachine {
         }
         Ok(())
     }
+}
+
+/// Refuses two formulas of one name, which could not be told apart in a report or by `--free`.
+pub(super) fn check_names<'a>(effects: impl Iterator<Item = &'a EffectSetting>) -> Result<(), ChainError> {
+    let mut formulas: Vec<(usize, &str)> = Vec::new();
+    for (place, effect) in effects.enumerate() {
+        let Some(text) = effect.formula_text() else { continue };
+        if let Some((first, _)) = formulas.iter().find(|(_, name)| *name == text.name) {
+            return Err(ChainError::Twice { name: text.name.clone(), first: first + 1, second: place + 1 });
+        }
+        formulas.push((place, &text.name));
+    }
+    Ok(())
 }
 
 /// Unit of a joint's torque or current.

@@ -252,7 +252,10 @@ impl ModelFile {
                 self.chain(EVERY_COLUMN).map(|_| ())
             }
             Machine::Segments(_) => self.segment_chain().map(|_| ()),
-            Machine::Joints(_) => self.joint_chain(EVERY_COLUMN).map(|_| ()),
+            Machine::Joints(_) => {
+                self.joint_chain(EVERY_COLUMN)?;
+                machine::check_names(self.effects.iter().map(FileEffect::setting))
+            }
             Machine::Force(force) => force.check_all(self.effects.iter().map(FileEffect::setting)),
         }
     }

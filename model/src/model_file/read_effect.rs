@@ -13,11 +13,23 @@ use crate::{ChainError, EffectSetting, Learn};
 /// How long a learnt parameter takes to drift by its standard deviation where the file does not say, s.
 const DEFAULT_MEMORY_S: f64 = 3600.0;
 
-/// What stands where an effect cannot be free.
-const NO_FREE: &str = "a number (\"free\" is for the effects of a snake)";
+/// Parameters that say which joint is meant.
+const NUMBERS_OF_JOINTS: [&str; 2] = ["joint", "from"];
+
+/// What stands where a value cannot be free.
+const NO_FREE: &str = "a number (\"free\" is for the effects of a snake and of joints, but for the number of a joint)";
 
 /// Reads one effect.
 pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect, ModelFileError> {
+    one(section, machine, matches!(machine, Machine::Snake(_) | Machine::Joints(_)))
+}
+
+/// Reads one effect none of whose values is left to a fit: a gripper's, which no fit knows.
+pub(super) fn held_effect(section: &Section, machine: &Machine) -> Result<FileEffect, ModelFileError> {
+    one(section, machine, false)
+}
+
+fn one(section: &Section, machine: &Machine, may_be_free: bool) -> Result<FileEffect, ModelFileError> {
     let kind = section.text("kind")?.ok_or_else(|| section.missing("kind", "the name of an effect"))?;
     let of_snake = EffectKind::from_name(&kind.value);
     let known = match machine {
@@ -60,7 +72,7 @@ pub(super) fn effect(section: &Section, machine: &Machine) -> Result<FileEffect,
     };
     match known {
         EffectKind::Formula => formula(section, hooks),
-        known => named(section, known, matches!(machine, Machine::Snake(_))),
+        known => named(section, known, may_be_free),
     }
 }
 
@@ -82,7 +94,7 @@ fn named(section: &Section, kind: EffectKind, may_be_free: bool) -> Result<FileE
     let (mut origins, mut free) = (Vec::new(), Vec::new());
     for parameter in parameters {
         if let Some(given) = section.get(parameter.name).filter(|given| given.get_ref().as_str() == Some("free")) {
-            if !may_be_free {
+            if !may_be_free || NUMBERS_OF_JOINTS.contains(&parameter.name) {
                 return Err(section.wrong(parameter.name, given, NO_FREE));
             }
             free.push(parameter.name);

@@ -351,13 +351,50 @@ fn a_value_of_a_snake_s_effect_may_be_left_to_every_fit() {
     let effect = &file.effects()[0];
     assert_eq!((effect.is_free("offset_x_rad"), effect.is_free("offset_y_rad")), (true, false));
     assert!(FileEffect::new(effect.setting().clone()).with_free("offset").is_err());
-    let joints =
-        "format = 1\n[machine]\nkind = \"joints\"\nn = 1\n[[effect]]\nkind = \"backlash\"\nhalf_width = \"free\"\n";
     let formula =
         "[[effect]]\nkind = \"formula\"\nname = \"own\"\nhook = \"meas\"\nformula = \"k\"\nparams = { k = \"free\" }\n";
     let snake = format!("format = 1\n[machine]\nkind = \"snake\"\n{formula}");
-    for (text, words) in [(joints, "for the effects of a snake"), (snake.as_str(), "expected a number")] {
-        let refused = ModelFile::parse(text).unwrap_err().to_string();
-        assert!(refused.contains(words), "{refused}");
+    let refused = ModelFile::parse(&snake).unwrap_err().to_string();
+    assert!(refused.contains("expected a number"), "{refused}");
+}
+
+#[test]
+fn a_value_of_an_effect_of_joints_may_be_left_to_every_fit_but_not_which_joint_it_is_of() {
+    let joints = |effect: &str| format!("format = 1\n[machine]\nkind = \"joints\"\nn = 2\n[[effect]]\n{effect}");
+    let held =
+        "gain = [1.0, 1.0]\noffset = [0.0, 0.0]\n[[effect]]\nkind = \"backlash\"\njoint = 2\nhalf_width = \"free\"\n";
+    let file = ModelFile::parse(&joints("").replace("[[effect]]\n", held)).unwrap();
+    assert_eq!(ModelFile::parse(&file.to_toml()).unwrap(), file);
+    assert_eq!(file.first_open(), Some(("half_width", "backlash")));
+    let jaw = "format = 1\n[machine]\nkind = \"snake\"\n[gripper]\nwire_m_per_rad = 2e-3\nrange_deg = [0.0, 60.0]\n\
+               max_vel_deg_per_s = 90.0\n[[gripper.effect]]\nkind = \"backlash\"\nhalf_width = \"free\"\n";
+    let force = "format = 1\n[machine]\nkind = \"force\"\nn = 1\nunit = \"Nm\"\n[[effect]]\nkind = \"coulomb\"\ntorque = \"free\"\n";
+    for text in [
+        joints("kind = \"backlash\"\njoint = \"free\"\n"),
+        joints("kind = \"cross-coupling\"\njoint = 1\nfrom = \"free\"\n"),
+        jaw.to_owned(),
+        force.to_owned(),
+    ] {
+        let refused = ModelFile::parse(&text).unwrap_err().to_string();
+        assert!(refused.contains("for the effects of a snake and of joints"), "{refused}");
+    }
+}
+
+#[test]
+fn two_formulas_of_one_name_are_refused_of_every_machine() {
+    for (machine, hook) in [
+        ("kind = \"snake\"\n", "meas"),
+        ("kind = \"joints\"\nn = 1\n", "joint"),
+        ("kind = \"force\"\nn = 1\nunit = \"Nm\"\n", "force"),
+    ] {
+        let one = |name: &str| {
+            format!(
+                "[[effect]]\nkind = \"formula\"\nname = \"{name}\"\nhook = \"{hook}\"\nformula = \"a\"\nparams = {{ a = 0.1 }}\n"
+            )
+        };
+        let file = |second: &str| format!("format = 1\n[machine]\n{machine}{}{}", one("own"), one(second));
+        assert!(ModelFile::parse(&file("other")).is_ok());
+        let refused = ModelFile::parse(&file("own")).unwrap_err().to_string();
+        assert!(refused.contains("own stands in the chain twice, at places 1 and 2"), "{refused}");
     }
 }
