@@ -1,6 +1,7 @@
 //! What a calibration wrote into a model file beside what a fit to other data finds: do the two agree?
 
 use crate::diagnose::Calibration;
+use crate::save::called_in;
 use crate::{Added, Measurements, fitted_to};
 use krait_model::model_file::{Known, Machine, ModelFile};
 
@@ -10,9 +11,9 @@ const APART: f64 = 3.0;
 /// A sentence for each fitted parameter whose value in the file came with a standard error, from other data than these, and lies too
 /// far away.
 pub fn disagreements(file: &ModelFile, added: &Added, data: &Measurements) -> Vec<String> {
-    let again = fitted_to(file, data);
+    let (again, labels) = (fitted_to(file, data), called_in(file));
     let of_other_data = |place: usize, name: &str| {
-        let label = file.effects().get(place).map_or("", |effect| effect.setting().label());
+        let label = labels.get(place).map_or("", String::as_str);
         !again.iter().any(|(effect, own)| effect == label && own == name)
     };
     let robust = |k: usize| added.uncertainty.robust.get(k).copied().unwrap_or(f64::NAN);
@@ -92,7 +93,7 @@ fn disagreement(file: &ModelFile, place: usize, name: &str, found: Found) -> Opt
     Some(format!(
         "{}.{name}: this fit says {found:.4e} +- {found_se:.1e}, {from}{of} said {value:.4e} +- {se:.1e}, {apart:.1} standard errors \
          apart: {}",
-        effect.setting().label(),
+        called_in(file).get(place).map_or("", String::as_str),
         meaning(name)
     ))
 }

@@ -1,8 +1,9 @@
 //! Which parameters of the model's own a fit frees: those that the user names, and the numbers that the model file leaves to it.
 
+use crate::called::{called, meant};
 use crate::fit::Variable;
 use crate::machine::{MachineUnderTest, OpenNumber, is_geometry, nearest};
-use crate::{LabError, Measurements, Term};
+use crate::{LabError, Measurements};
 
 /// A unit step of a parameter near zero, as a part of its range, and the widest range that counts.
 const SMALLEST_STEP: f64 = 1e-3;
@@ -11,8 +12,8 @@ const WIDEST: f64 = 1e3;
 /// Standard error of a free number of the machine about where it begins, as a part of it: no machine is as far from its drawing.
 const ANCHOR: f64 = 0.3;
 
-/// The variables of parameters named by effect's label and parameter's name, and of the machine's open numbers. A number that the
-/// file drew from these very data is free: data do not count twice.
+/// The variables of parameters named by what the effect is called and the parameter's name, and of the machine's open numbers. A label
+/// that several effects share means them all. A number that the file drew from these very data is free: data do not count twice.
 ///
 /// # Errors
 /// [`LabError::NotInModel`] or [`LabError::UnknownParameter`] for a name that is not there.
@@ -23,20 +24,28 @@ pub(crate) fn free_variables(
 ) -> Result<Vec<Variable>, LabError> {
     let effects = machine.effects();
     let absent = |name: &str| {
-        let names: Vec<&str> = effects.iter().map(Term::label).collect();
+        let names = called(machine.kind(), effects);
         let has = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         LabError::NotInModel { name: name.to_owned(), has }
     };
     let mut variables: Vec<Variable> = Vec::with_capacity(free.len());
     for (effect, parameter) in free {
-        let place = effects.iter().position(|own| own.label() == effect).ok_or_else(|| absent(effect))?;
-        let own = machine.parameters(&effects[place])?;
-        let k = own.iter().position(|p| p.name == *parameter).ok_or_else(|| LabError::UnknownParameter {
-            effect: effect.clone(),
-            name: parameter.clone(),
-            nearest: nearest(parameter, own.iter().map(|p| p.name.as_str())),
-        })?;
-        variables.push(variable(machine, place, k)?);
+        let places = meant(machine.kind(), effects, effect);
+        if places.is_empty() {
+            return Err(absent(effect));
+        }
+        for place in places {
+            let own = machine.parameters(&effects[place])?;
+            let k = own.iter().position(|p| p.name == *parameter).ok_or_else(|| LabError::UnknownParameter {
+                effect: effect.clone(),
+                name: parameter.clone(),
+                nearest: nearest(parameter, own.iter().map(|p| p.name.as_str())),
+            })?;
+            // Named twice, it is one number all the same.
+            if !variables.iter().any(|own| (own.effect, own.parameter) == (place, k)) {
+                variables.push(variable(machine, place, k)?);
+            }
+        }
     }
     for OpenNumber { effect, parameter, prior, from } in machine.open_numbers() {
         if !variables.iter().any(|own| (own.effect, own.parameter) == (effect, parameter)) {

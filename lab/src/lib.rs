@@ -6,6 +6,7 @@
 
 mod add;
 mod calibrated;
+mod called;
 mod camera;
 mod cells;
 mod clock;
@@ -36,6 +37,7 @@ mod trees;
 
 pub use add::{AddOptions, Added, JointNumber, add, refit};
 pub use calibrated::{disagreements, drawn_away};
+pub use called::{called, parameters_called};
 pub use camera::CameraOffset;
 pub use clock::ClockOffset;
 pub use error::LabError;

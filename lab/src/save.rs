@@ -1,7 +1,7 @@
 //! A model file with what a fit found: values with their standard errors and origin, and one more line of history.
 
-use crate::machine::{acting, is_geometry, setting, with_geometry};
-use crate::{Added, FittedData, LabError, Measurements};
+use crate::machine::{acting, is_geometry, setting, term, with_geometry};
+use crate::{Added, FittedData, LabError, Measurements, Term, called};
 use krait_model::model_file::{FileEffect, HeldOutRms, HistoryEntry, Joints, Known, Machine, ModelFile, Origin};
 
 /// The file with the effects of a fit. `what` names the effect for the history; `date` is the day, YYYY-MM-DD.
@@ -83,19 +83,24 @@ fn with_numbers(mut joints: Joints, added: &Added, fitted: impl Fn(f64) -> Known
     joints
 }
 
-/// Parameters whose values were fitted to these very data, by effect's label and parameter's name. With a further effect they take
+/// Parameters whose values were fitted to these very data, by what the effect is called and the parameter's name. With a further effect they take
 /// other values; what was fitted to other data, or written by hand, is held.
 pub fn fitted_to(file: &ModelFile, data: &Measurements) -> Vec<(String, String)> {
     let is_same = |origin: &Origin| {
         let from = FittedData::of(file, origin.from.as_deref(), origin.date.as_deref());
         from.is_some_and(|own| own.is(&data.source, &data.sha256))
     };
-    let names = |effect: &FileEffect| {
-        let own = effect.setting();
-        let fitted = own.parameter_names().filter(|name| effect.origin(name).is_some_and(is_same));
-        fitted.map(|name| (own.label().to_owned(), name.to_owned())).collect::<Vec<_>>()
+    let names = |(effect, label): (&FileEffect, String)| {
+        let fitted = effect.setting().parameter_names().filter(|name| effect.origin(name).is_some_and(is_same));
+        fitted.map(|name| (label.clone(), name.to_owned())).collect::<Vec<_>>()
     };
-    file.effects().iter().flat_map(names).collect()
+    file.effects().iter().zip(called_in(file)).flat_map(names).collect()
+}
+
+/// What the effects of a model file are called, each by a name of its own.
+pub(crate) fn called_in(file: &ModelFile) -> Vec<String> {
+    let terms: Vec<Term> = file.effects().iter().map(|effect| term(effect.setting())).collect();
+    called(file.machine().kind(), &terms)
 }
 
 /// Unit of a machine's errors.

@@ -154,7 +154,8 @@ pub struct DiagnoseArgs {
     /// Model and data.
     #[command(flatten)]
     pub files: LabFiles,
-    /// A number of the model's own that is not held: EFFECT.PARAMETER or machine.KEY, again for each.
+    /// A number of the model's own that is not held: EFFECT.PARAMETER or machine.KEY, again for each. Of several effects of one kind EFFECT
+    /// means all, and with a joint's number the one on that joint: backlash-2.half_width.
     #[arg(long, value_name = "EFFECT.PARAMETER", value_parser = effect_parameter)]
     pub free: Vec<(String, String)>,
     /// A model file of the same machine whose formulas take part beside the library's effects.
@@ -200,7 +201,8 @@ pub struct AddArgs {
     #[arg(long)]
     pub force: bool,
     /// Parameters that the fit frees, by commas; by default those that the catalogue frees, for a formula all. With a point,
-    /// EFFECT.PARAMETER or machine.KEY: a number of the model's own that is fitted again.
+    /// EFFECT.PARAMETER or machine.KEY: a number of the model's own that is fitted again. Of several effects of one kind EFFECT means all,
+    /// and with a joint's number the one on that joint: backlash-2.half_width.
     #[arg(long, value_delimiter = ',', value_name = "NAME")]
     pub free: Vec<String>,
     /// A parameter's value where the fit starts, and where it stays unless it is free: NAME=VALUE, again for each.

@@ -1,6 +1,7 @@
 //! Joints whose torque or current follows from their motion: inertia, gravity and the ladder of servo friction models.
 
 use super::{Candidate, MachineUnderTest, OpenNumber, snake};
+use crate::called::{called, meant};
 use crate::diagnose::screen::{orthonormal, remove};
 use crate::fit::dot;
 use crate::read::{self, ReadError, column, filter_s};
@@ -34,13 +35,16 @@ impl ForceLab {
         let is_of_more = |own: &Term| own.formula.is_some() || joint_of(own) == 0;
         let is_of = |own: &Term| is_of_more(own) || joint_of(own) == joint + 1;
         let places: Vec<usize> = (0..self.effects.len()).filter(|place| is_of(&self.effects[*place])).collect();
+        let effects: Vec<Term> = places.iter().map(|place| self.effects[*place].clone()).collect();
+        let names = called(self.kind(), &effects);
         let mut own_free = Vec::new();
-        for name in free {
-            let own = self.effects.iter().find(|effect| effect.label() == name.0)?;
-            if is_of_more(own) {
+        for (effect, parameter) in free {
+            let meant = meant(self.kind(), &self.effects, effect);
+            if meant.is_empty() || meant.iter().any(|place| is_of_more(&self.effects[*place])) {
                 return None;
             }
-            own_free.extend((joint_of(own) == joint + 1).then(|| name.clone()));
+            let here = places.iter().zip(&names).filter(|(place, _)| meant.contains(place));
+            own_free.extend(here.map(|(_, name)| (name.clone(), parameter.clone())));
         }
         if self.open.iter().any(|own| is_of_more(&self.effects[own.effect])) {
             return None;
@@ -51,7 +55,7 @@ impl ForceLab {
         });
         let lab = Self {
             machine: ForceMachine { n: 1, ..self.machine.clone() },
-            effects: places.iter().map(|place| self.effects[*place].clone()).collect(),
+            effects,
             open: open.collect(),
             only: Some(joint),
         };

@@ -16,7 +16,7 @@ pub(crate) use geometry::{is_geometry, with_geometry};
 pub use joints::JointsLab;
 pub use segments::SegmentsLab;
 pub use snake::SnakeLab;
-pub(crate) use snake::{acting, nearest};
+pub(crate) use snake::{acting, nearest, term};
 
 use crate::{FittedData, LabError, Measurements, Parameter, Term};
 

@@ -128,7 +128,7 @@ pub fn added_page(
     page.push(tables::added(added, what, unit));
     residuals(&mut page, &rows);
     page.section("Error before and after", vec![waterfall::of_added(machine, data, added, what)?]);
-    page.push(tables::fitted(added));
+    page.push(tables::fitted(added, machine));
     pictures(&mut page, &rows);
     Ok(page.finish())
 }

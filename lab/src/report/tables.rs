@@ -3,10 +3,11 @@
 use super::html::{escape, table};
 use super::paragraph;
 use super::{sketch, verdict};
-use crate::Added;
 use crate::compare::Comparison;
 use crate::diagnose::{Diagnosis, FoundEffect, capital, of_what};
+use crate::machine::MachineUnderTest;
 use crate::measurements::Names;
+use crate::{Added, parameters_called};
 use krait_model::effects::explanation;
 use krait_model::model_file::HistoryEntry;
 
@@ -246,13 +247,13 @@ pub(super) fn added(added: &Added, what: &str, unit: &str) -> String {
 }
 
 /// The fitted parameters of an added effect.
-pub(super) fn fitted(added: &Added) -> String {
+pub(super) fn fitted(added: &Added, machine: &dyn MachineUnderTest) -> String {
     let mut rows = Vec::new();
-    for (k, own) in added.variables.iter().enumerate() {
+    for (k, (own, name)) in added.variables.iter().zip(parameters_called(added, machine)).enumerate() {
         let se = added.uncertainty.robust.get(k).map_or("-".to_owned(), |se| format!("{se:.1e}"));
         let bound = if own.bound(&added.terms).is_some() { "on its bound" } else { "" };
         let value = format!("{:.5e}", own.value(&added.terms));
-        rows.push(vec![own.name.clone(), value, se, own.unit.clone(), bound.to_owned()]);
+        rows.push(vec![name, value, se, own.unit.clone(), bound.to_owned()]);
     }
     table(&["parameter", "value", "standard error", "unit", ""], &rows)
 }

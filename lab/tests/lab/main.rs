@@ -14,6 +14,7 @@ mod joint_beside;
 mod joint_columns;
 mod joint_starts;
 mod joints;
+mod joints_apart;
 mod model_free;
 mod noise;
 mod offered;

@@ -12,8 +12,9 @@ use krait_lab::machine::MachineUnderTest;
 use krait_lab::report::added_page;
 use krait_lab::{
     AddOptions, Added, Measurements, Session, Term, add, disagreements, drawn_away, fitted_to, offered, open_model,
-    refit as fit_again, save,
+    parameters_called, refit as fit_again, save,
 };
+use krait_model::EffectSetting;
 use krait_model::effects::{FormulaColumn, FormulaParameter, FormulaText, Hook, Inverse, Varying};
 use krait_model::model_file::{FileEffect, Known, Machine, ModelFile};
 use krait_report::Table;
@@ -26,11 +27,18 @@ pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, "toml", args.force)?;
     stages::tell();
     let session = open(&args.files)?;
-    let term = match of_file(args, session.file.machine())? {
+    let term = match of_file(args, &session.file)? {
         Some(own) => own,
         None => term(args, session.machine.as_ref(), &session.data)?,
     };
     let label = term.label().to_owned();
+    // Said now, not after the fit: no model file has two formulas of one name.
+    if term.formula.is_some() && has_formula(&session.file, &label) {
+        bail!(
+            "formula {label}: {} has a formula of that name already, expected another one; give it with --name",
+            args.files.model.display()
+        );
+    }
     let from_given = args.set.iter().any(|(name, _)| is_start(name)) || term.formula.is_some();
     // A name with a point is a number of the model's own, which is fitted again.
     let (own, of_new): (Vec<&String>, Vec<&String>) = args.free.iter().partition(|name| name.contains('.'));
@@ -103,8 +111,9 @@ fn open(files: &LabFiles) -> anyhow::Result<Session> {
 }
 
 /// The formula of this name in the file of `--effects`, with its starting values; `None` where the library's effect is meant.
-fn of_file(args: &AddArgs, machine: &Machine) -> anyhow::Result<Option<Term>> {
+fn of_file(args: &AddArgs, model: &ModelFile) -> anyhow::Result<Option<Term>> {
     let Some(path) = &args.effects else { return Ok(None) };
+    let machine = model.machine();
     let all = offered(path, &open_model(path)?, machine)?;
     let Some(own) = all.into_iter().find(|own| own.name() == args.effect) else { return Ok(None) };
     if is_formula_said(args) || args.by.is_some() {
@@ -127,7 +136,11 @@ fn of_file(args: &AddArgs, machine: &Machine) -> anyhow::Result<Option<Term>> {
             said.map_or("none".to_owned(), |number| number.to_string())
         ),
     };
-    let term = own.term(joint, value);
+    let mut term = own.term(joint, value);
+    // The same formula on a further joint is another one of the model.
+    if let Some(text) = term.formula.as_mut().filter(|_| n_joints > 1) {
+        text.name = free_name(&text.name, |name| has_formula(model, name));
+    }
     let has = |name: &str| {
         name == "joint" || term.formula.iter().any(|text| text.parameters.iter().any(|own| own.name == name))
     };
@@ -135,6 +148,18 @@ fn of_file(args: &AddArgs, machine: &Machine) -> anyhow::Result<Option<Term>> {
         bail!("--set {name}: the formula {} of {} has no such parameter; leave it out", args.effect, path.display());
     }
     Ok(Some(term))
+}
+
+/// Whether a model has a formula of this name.
+pub(super) fn has_formula(file: &ModelFile, name: &str) -> bool {
+    let formulas = file.effects().iter().map(FileEffect::setting).filter(|own| own.formula_text().is_some());
+    formulas.map(EffectSetting::label).any(|own| own == name)
+}
+
+/// The name itself, or with a number behind it the first that is not taken: `rest`, `rest2`, `rest3`.
+pub(super) fn free_name(name: &str, is_taken: impl Fn(&str) -> bool) -> String {
+    let mut all = std::iter::once(name.to_owned()).chain((2_u32..).map(|number| format!("{name}{number}")));
+    all.find(|own| !is_taken(own)).unwrap_or_else(|| name.to_owned())
 }
 
 /// Whether options describe a formula.
@@ -273,18 +298,6 @@ fn not_compensated(file: &ModelFile) -> Vec<String> {
     file.effects().iter().filter_map(sentence).collect()
 }
 
-/// What the fitted parameters are called: with their effect before them, but for a new effect's own and where one effect has all.
-fn keys(added: &Added, session: &Session) -> Vec<String> {
-    let n_old = session.machine.effects().len();
-    let is_added = added.terms.len() > n_old;
-    let of_one = added.variables.windows(2).all(|pair| pair[0].effect == pair[1].effect);
-    let own = added.variables.iter().map(|variable| match added.terms.get(variable.effect) {
-        Some(term) if variable.effect < n_old && (is_added || !of_one) => format!("{}.{}", term.label(), variable.name),
-        _ => variable.name.clone(),
-    });
-    own.collect()
-}
-
 fn answer(
     added: &Added,
     session: &Session,
@@ -298,7 +311,7 @@ fn answer(
     let mut params: serde_json::Map<String, Value> = added
         .variables
         .iter()
-        .zip(keys(added, session))
+        .zip(parameters_called(added, session.machine.as_ref()))
         .enumerate()
         .map(|(k, (variable, key))| {
             let value = json!({
@@ -330,7 +343,9 @@ fn answer(
 fn text(added: &Added, session: &Session, what: &str, out: &Path, not_compensated: &[String]) -> String {
     let unit = session.machine.error_unit().0;
     let mut table = Table::new(&["parameter", "value", "standard error", "unit", ""]);
-    for (k, (variable, key)) in added.variables.iter().zip(keys(added, session)).enumerate() {
+    for (k, (variable, key)) in
+        added.variables.iter().zip(parameters_called(added, session.machine.as_ref())).enumerate()
+    {
         table.row(vec![
             key,
             format!("{:.5e}", variable.value(&added.terms)),
