@@ -250,6 +250,7 @@ impl Case<'_> {
             loads,
             clocks: Vec::new(),
             cameras: Vec::new(),
+            order: Vec::new(),
             model_free_rms: None,
             locked: None,
             unit: unit.to_owned(),

@@ -58,7 +58,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let Answer { machine, data, options, found, own_values, hints, n_outliers } = answer;
     let (unit, scale) = machine.error_unit();
     let length = |of: &dyn Fn(&Found) -> f64| found.iter().map(of).sum::<f64>().sqrt() * scale;
-    let Hints { wrong: hints, odd } = hints;
+    let Hints { wrong: hints, odd, order } = hints;
     let verdicts: Vec<Verdict> = found.iter().map(|own| own.verdict).collect();
     let verdict = if hints.is_empty() { Verdict::together(&verdicts) } else { Verdict::Unknown };
     let stands = |own: &Found| own.stands() && hints.is_empty();
@@ -148,6 +148,7 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
         loads: None,
         clocks: Vec::new(),
         cameras: Vec::new(),
+        order,
         model_free_rms: None,
         locked: None,
         remaining,

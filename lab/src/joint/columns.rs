@@ -30,6 +30,8 @@ pub(super) struct Hints {
     pub wrong: Vec<String>,
     /// What a free gain takes up, and yet nobody may have meant.
     pub odd: Vec<String>,
+    /// Measured columns in another order: the joint, from 0, whose measurement it is, and the one that it is called by.
+    pub order: Vec<(usize, usize)>,
 }
 
 /// What is probably wrong with the columns.
@@ -61,6 +63,14 @@ pub(super) fn check(machine: &JointsLab, data: &Measurements) -> Result<Hints, L
             None if lines[i][i].share >= FOLLOWS => gain(machine, data, i, lines[i][i].gain, &mut hints),
             None => {}
         }
+    }
+    let moved = order.iter().enumerate().filter_map(|(i, other)| other.map(|other| (other, i)));
+    let moved: Vec<(usize, usize)> = moved.collect();
+    // Each joint has one column, and none is left over.
+    if moved.iter().all(|(joint, _)| moved.iter().filter(|(other, _)| other == joint).count() == 1)
+        && moved.iter().all(|(joint, _)| moved.iter().any(|(_, called)| called == joint))
+    {
+        hints.order = moved;
     }
     Ok(hints)
 }

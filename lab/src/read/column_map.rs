@@ -45,6 +45,24 @@ impl ColumnMap {
 }
 
 impl Mapping {
+    /// The column of the lab without its unit, `y1`, as these mappings or the names of a file have it.
+    pub fn of_column(base: &str, map: &ColumnMap, names: &[String]) -> Option<Self> {
+        let mapped = map.mappings.iter().find(|own| own.is_of(base)).cloned();
+        let named = || names.iter().map(|name| Self::new(name.clone(), name, None, None)).find(|own| own.is_of(base));
+        mapped.or_else(named)
+    }
+
+    /// Whether it says the same column of the lab, whatever its unit.
+    pub fn is_of(&self, base: &str) -> bool {
+        self.target.strip_prefix(base).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+    }
+
+    /// The file's column of this mapping, in its unit, for another column of the lab; `None` where that takes more than one option says.
+    pub fn moved(&self, from: &str, to: &str) -> Option<Self> {
+        let target = format!("{to}{}", self.target.strip_prefix(from)?);
+        self.wraps.is_none().then(|| Self { target, ..self.clone() })
+    }
+
     /// Whether the file's column is taken out: `none=NAME`.
     pub(crate) fn takes_out(&self) -> bool {
         self.target == NONE

@@ -6,6 +6,7 @@ mod calibrate;
 mod lab_clock;
 mod lab_effects;
 mod lab_init;
+mod lab_joints;
 mod lab_quiz;
 mod lab_tutorial;
 mod model;

@@ -1,11 +1,13 @@
 //! The command that comes next, ready to be typed, at the end of every answer of the lab.
 
-use super::add::has_joint_number;
+use super::add::{free_name, has_formula, has_joint_number};
 use super::shell::{data_words, quoted, shell};
 use crate::cli_lab::{DiagnoseArgs, LabFiles, dotted};
 use krait_bridge::LiveModel;
 use krait_lab::Session;
 use krait_lab::diagnose::{DependsOn, Diagnosis, FormulaTerm, FoundEffect, ParameterVariation, Verdict};
+use krait_lab::init::columns;
+use krait_lab::read::Mapping;
 use krait_model::effects::FormulaText;
 use krait_model::model_file::{Known, Machine, ModelFile};
 use std::path::{Path, PathBuf};
@@ -13,22 +15,40 @@ use std::path::{Path, PathBuf};
 /// What comes after a diagnosis.
 pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String {
     let model = &args.files.model;
-    if diagnosis.effects.is_empty() && !diagnosis.proposals.is_empty() {
+    // Nothing else is worth doing until the columns are right.
+    let in_order = (!diagnosis.order.is_empty()).then(|| in_order(args, &diagnosis.order)).flatten();
+    if let Some(next) = in_order {
+        return next;
+    }
+    if diagnosis.effects.is_empty() && !diagnosis.proposals.is_empty() && !is_of_columns(diagnosis) {
         return formula(args, &diagnosis.proposals, session);
     }
     match diagnosis.verdict {
-        Verdict::Missing | Verdict::Partly if !diagnosis.effects.is_empty() => additions(args, diagnosis),
+        Verdict::Missing | Verdict::Partly if !diagnosis.effects.is_empty() => additions(args, diagnosis, session),
+        Verdict::None if !args.free.is_empty() => {
+            let free: String = dotted(&args.free).iter().map(|name| format!("--free {} ", quoted(name))).collect();
+            said("", vec![words("fit", &args.files, model, &format!("{free}--out {}", shell(&better(model, &[]))))])
+        }
         Verdict::None if has_joint_number(&session.file, |own| matches!(own, Known::Absent | Known::Free)) => {
             let free = "--free machine.gain --free machine.offset";
             said("", vec![words("fit", &args.files, model, &format!("{free} --out {}", shell(&better(model, &[]))))])
         }
+        Verdict::None if session.file.first_open().is_some() => {
+            said("", vec![words("fit", &args.files, model, &format!("--out {}", shell(&better(model, &[]))))])
+        }
         Verdict::None if LiveModel::of(&session.file).is_ok() => {
             said("", vec![format!("krait run --engage --model {}", shell(model))])
         }
-        Verdict::TooShort | Verdict::Unknown if args.experiment.is_none() && has_motions(&session.file) => said(
-            "a motion that would show more: ",
-            vec![words("diagnose", &args.files, model, "--experiment next.csv")],
-        ),
+        // Nothing runs such a model, a force's or one of columns.
+        Verdict::None => said("in pictures: ", vec![words("compare", &args.files, model, "--report fit.html")]),
+        Verdict::TooShort | Verdict::Unknown
+            if args.experiment.is_none() && has_motions(&session.file) && !is_of_columns(diagnosis) =>
+        {
+            said(
+                "a motion that would show more: ",
+                vec![words("diagnose", &args.files, model, "--experiment next.csv")],
+            )
+        }
         Verdict::Missing | Verdict::Partly | Verdict::Unknown if args.report.is_none() => {
             said("the rest in pictures: ", vec![words("diagnose", &args.files, model, "--report why.html")])
         }
@@ -41,16 +61,36 @@ pub fn after_fit(files: &LabFiles, out: &Path) -> String {
     said("", vec![words("diagnose", files, out, "")])
 }
 
+/// The same diagnosis of columns in the order that was found; `None` where no mapping says it.
+fn in_order(args: &DiagnoseArgs, order: &[(usize, usize)]) -> Option<String> {
+    let map = args.files.column_map().ok()?;
+    let names: Vec<String> = columns(args.files.data.first()?).ok()?.into_iter().map(|own| own.name).collect();
+    let mut files = args.files.clone();
+    for (joint, called) in order {
+        let [to, from] = [joint, called].map(|joint| format!("y{}", joint + 1));
+        files.map.retain(|own| !own.is_of(&to));
+        files.map.push(Mapping::of_column(&from, &map, &names)?.moved(&from, &to)?);
+    }
+    Some(said("with the columns in order: ", vec![words("diagnose", &files, &files.model, "")]))
+}
+
 /// One command for each effect, each on the model that the one before wrote.
-fn additions(args: &DiagnoseArgs, diagnosis: &Diagnosis) -> String {
+fn additions(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String {
     let free: String = dotted(&args.free).iter().map(|name| format!(" --free {}", quoted(name))).collect();
     let mut model = args.files.model.clone();
-    let mut written = Vec::new();
+    let (mut written, mut named) = (Vec::new(), Vec::<String>::new());
     let mut commands = Vec::new();
     for effect in diagnosis.in_chain_order() {
         let out = better(&model, &written);
         let verb = match diagnosis.term_of(effect).and_then(|term| Some((term, term.formula.as_ref()?))) {
-            Some((term, text)) => format!("{}{free}", own_formula(text, &term.values)),
+            Some((term, text)) => {
+                // Found on two joints, it is two formulas.
+                let name = free_name(&text.name, |own| {
+                    named.iter().any(|name| name == own) || has_formula(&session.file, own)
+                });
+                named.push(name.clone());
+                format!("{}{free}", own_formula(&name, text, &term.values))
+            }
             None => {
                 let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
                 format!("add {}{set}{}{free}", effect.name, by(&diagnosis.variations, effect))
@@ -64,13 +104,13 @@ fn additions(args: &DiagnoseArgs, diagnosis: &Diagnosis) -> String {
 }
 
 /// A formula that was offered and found, with the values that were found.
-fn own_formula(text: &FormulaText, values: &[f64]) -> String {
+fn own_formula(name: &str, text: &FormulaText, values: &[f64]) -> String {
     let params =
         text.parameters.iter().zip(values).map(|(own, value)| format!("{}={value:.4e}:{}", own.name, own.unit));
     let params: String = params.map(|own| format!(" --param {}", quoted(&own))).collect();
     let columns = text.columns.iter().map(|own| format!("{}={}", own.name, own.column));
     let columns: String = columns.map(|own| format!(" --column {}", quoted(&own))).collect();
-    let (name, hook) = (quoted(&text.name), text.hook.word());
+    let (name, hook) = (quoted(name), text.hook.word());
     format!("add formula --name {name} --hook {hook} --formula {}{params}{columns}", quoted(&text.text))
 }
 
@@ -103,7 +143,9 @@ fn formula(args: &DiagnoseArgs, terms: &[FormulaTerm], session: &Session) -> Str
             columns.push(words);
         }
     }
-    let verb = format!("add formula --name rest --hook joint --formula {}{params}{}", quoted(&text), columns.concat());
+    let name = free_name("rest", |own| has_formula(&session.file, own));
+    let verb =
+        format!("add formula --name {name} --hook joint --formula {}{params}{}", quoted(&text), columns.concat());
     let model = &args.files.model;
     said("", vec![words(&verb, &args.files, model, &format!("--out {}", shell(&better(model, &[]))))])
 }
@@ -131,6 +173,11 @@ fn better(model: &Path, written: &[PathBuf]) -> PathBuf {
         .map(|n| model.with_file_name(name(n)))
         .find(|path| !taken(path))
         .unwrap_or_else(|| model.with_file_name(name(1)))
+}
+
+/// Whether the columns are probably not what their names say: no motion mends that.
+fn is_of_columns(diagnosis: &Diagnosis) -> bool {
+    diagnosis.sentence.starts_with("the columns first")
 }
 
 /// Whether the lab makes motions for a machine of this kind.
