@@ -180,13 +180,16 @@ pub fn refit(
         check_gains(&freed(joints, free)?.joints, data, &[])?;
     }
     if let Some(joints) = machine.as_joints().filter(|_| !OF_MACHINE.into_iter().any(is_asked)) {
+        // Of the values that the file has, before anything of them is freed.
+        let given = crate::joint::calibrated(joints, data)?;
+        let before = Bench::new(&given, data)?.before * joints.error_unit().1;
         let Freed { joints, others, .. } = &freed(joints, free)?;
         let start = Start { terms: joints.effects(), variables: &[] };
         let Ground { joints, calibration, effects, variables } = start.ground(joints, data, others, &[])?;
         let machine = FreeJoints::new(&joints, data, &calibration, &[]);
         let bench = Bench::new(&machine, data)?;
         let fitted = fit_to_end(&bench.problem, &effects, &variables)?;
-        let mut found = without_machine(&machine, bench.report(fitted), calibration);
+        let mut found = without_machine(&machine, Added { before, ..bench.report(fitted) }, calibration);
         found.joint_numbers = joint_numbers(&joints, &found.calibration);
         return Ok(found);
     }

@@ -125,6 +125,7 @@ fn plays_of_two_joints_are_freed_together_or_each_by_its_own_name() {
     let both = refit(&machine, &data, &free("backlash")).expect("a fit");
     assert!(near(&half_widths(&both), &[0.05, 0.08]), "{:?}", half_widths(&both));
     assert_eq!(parameters_called(&both, &machine), ["backlash-1.half_width", "backlash-2.half_width"]);
+    assert!(both.before > 5.0 * both.after, "before is of the file's values: {} and {}", both.before, both.after);
     // Named twice it is one number.
     let twice = refit(&machine, &data, &[free("backlash"), free("backlash-2")].concat()).expect("a fit");
     assert_eq!(twice.variables.len(), 2);
