@@ -1,21 +1,31 @@
 //! Measurements that are none: rows that stand out from those before and behind them, single or in short bursts.
 
-use crate::noise::by_differences;
+use crate::noise::{bounds, by_differences};
 use crate::{Problem, Quantity};
 
 /// Rows whose outputs stand out by more than [`STANDS_OUT`] standard deviations of the differences from what lies before and behind
-/// them: single ones, and of shapes bursts, as a tracker makes that has lost its mark for a moment.
+/// them: single ones, also at the ends of a trial, and bursts, as a tracker makes that has lost its mark for a moment.
 pub(crate) fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
     let Some((sigma, _)) = by_differences(problem, residual) else { return Vec::new() };
     let width = problem.data.n_outputs;
     let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
     let seen = Seen { problem, residual, rows: &rows, sigma };
-    // Of a camera or a tracker: a joint's encoder has none, and a joint that sticks and slips moves as suddenly as that.
-    let has_bursts = sigma > 0.0 && matches!(problem.data.quantity, Quantity::Snake | Quantity::Segments);
+    // A joint that sticks and slips moves as suddenly as a burst begins, but stays near where it is told to go.
+    let reach = (problem.data.quantity == Quantity::Joints).then(|| seen.reach());
+    let may_begin = |first: usize| match (problem.data.quantity, &reach) {
+        _ if sigma <= 0.0 => false,
+        (Quantity::Snake | Quantity::Segments, _) => true,
+        (Quantity::Joints, Some(reach)) => seen.is_beyond(first, reach),
+        _ => false,
+    };
     let (mut single, mut bursts): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
     let mut first = BESIDE;
     while first + BESIDE < rows.len() {
-        let n = if has_bursts { seen.burst(first) } else { usize::from(seen.stand_out(first, 1)) };
+        let n = match seen.stand_out(first, 1) {
+            true => 1,
+            false if may_begin(first) => seen.burst(first),
+            false => 0,
+        };
         match n {
             0 | 1 => single.extend((n == 1).then_some(rows[first])),
             _ => bursts.extend(&rows[first..first + n]),
@@ -25,8 +35,12 @@ pub(crate) fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
     // What happens as often as this is no accident of the sensor.
     if bursts.len() as f64 <= MOST_IN_BURSTS * rows.len() as f64 {
         single.extend(bursts);
-        single.sort_unstable();
     }
+    // What is filtered has no single rows.
+    if problem.data.quantity != Quantity::Force {
+        single.extend(seen.ends());
+    }
+    single.sort_unstable();
     single
 }
 
@@ -38,6 +52,10 @@ const BESIDE: usize = 2;
 const LONGEST_BURST_S: f64 = 0.3;
 /// Share of all rows that bursts may have.
 const MOST_IN_BURSTS: f64 = 0.03;
+/// Share of measured rows at either end of their order that may lie where a joint does not go.
+const OUTER: f64 = 0.05;
+/// Share of all ends of trials that may stand out, beside two: more of them are how a trial begins.
+const MOST_OF_ENDS: f64 = 0.25;
 
 /// Residuals in which bursts are looked for.
 struct Seen<'a> {
@@ -55,11 +73,11 @@ impl Seen<'_> {
         let is_short = |behind: usize| {
             self.trial(first - 1) == self.trial(behind) && time_s(behind) - time_s(first - 1) <= LONGEST_BURST_S
         };
-        let may_end = |n: &usize| first + n + BESIDE <= self.rows.len() && (*n == 1 || is_short(first + n));
+        let may_end = |n: &usize| first + n + BESIDE <= self.rows.len() && is_short(first + n);
         if !self.leaves(first) {
             return 0;
         }
-        (1..).take_while(may_end).find(|n| self.stand_out(first, *n)).unwrap_or(0)
+        (2..).take_while(may_end).find(|n| self.stand_out(first, *n)).unwrap_or(0)
     }
 
     /// Whether an output leaves where it was from one row to this one.
@@ -80,11 +98,75 @@ impl Seen<'_> {
             })
     }
 
+    /// Rows among the first and the last two of each trial that stand out from the four that are nearest on the one side that there is.
+    fn ends(&self) -> Vec<usize> {
+        let mut starts: Vec<usize> =
+            (0..self.rows.len()).filter(|place| *place == 0 || self.trial(*place) != self.trial(place - 1)).collect();
+        let n_ends = 2 * starts.len();
+        starts.push(self.rows.len());
+        let mut found = Vec::new();
+        for trial in starts.windows(2).filter(|trial| trial[1] - trial[0] > 3 * BESIDE) {
+            let (first, last) = (trial[0], trial[1] - 1);
+            found.extend(self.end([0, 1, 2, 3, 4].map(|n| first + n)));
+            found.extend(self.end([0, 1, 2, 3, 4].map(|n| last - n)));
+        }
+        let most = f64::max(2.0, MOST_OF_ENDS * n_ends as f64);
+        if found.len() as f64 <= most { found } else { Vec::new() }
+    }
+
+    /// The row of an end, or the one beside it, if it stands out from the others of these places: by what is left, and by what was
+    /// measured, since a command that jumps makes a rest that jumps.
+    fn end(&self, places: [usize; 5]) -> Option<usize> {
+        let stands_out = |n: usize, k: usize, value: &dyn Fn(usize, usize) -> f64| {
+            let (low, high) =
+                bounds((0..places.len()).filter(|other| *other != n).map(|other| value(places[other], k)));
+            let own = value(places[n], k);
+            // From the nearest of them, not from their middle: what fades from a trial's beginning on goes a longer way in each row
+            // than in all that follow.
+            f64::max(own - high, low - own) > STANDS_OUT * self.sigma + (high - low)
+        };
+        let is_out = |n: &usize| {
+            (0..self.problem.data.n_outputs).any(|k| {
+                stands_out(*n, k, &|place, k| self.at(place, k))
+                    && stands_out(*n, k, &|place, k| self.measured(place, k))
+            })
+        };
+        (0..BESIDE).find(is_out).map(|n| self.rows[places[n]])
+    }
+
+    /// Where each output goes, widened by half of it on both sides: as the model has it, and nearly all measured rows.
+    fn reach(&self) -> Vec<(f64, f64)> {
+        let of = |k: usize| {
+            let (low, high) = bounds((0..self.rows.len()).map(|place| self.measured(place, k) - self.at(place, k)));
+            let mut all: Vec<f64> = (0..self.rows.len()).map(|place| self.measured(place, k)).collect();
+            all.sort_by(f64::total_cmp);
+            let outer = (OUTER * all.len() as f64) as usize;
+            let (low, high) = match (all.get(outer), all.get(all.len().saturating_sub(outer + 1))) {
+                (Some(first), Some(last)) => (low.min(*first), high.max(*last)),
+                _ => (low, high),
+            };
+            (low - 0.5 * (high - low), high + 0.5 * (high - low))
+        };
+        (0..self.problem.data.n_outputs).map(of).collect()
+    }
+
+    /// Whether an output lies outside of these bounds.
+    fn is_beyond(&self, place: usize, reach: &[(f64, f64)]) -> bool {
+        reach.iter().enumerate().any(|(k, (low, high))| !(*low..=*high).contains(&self.measured(place, k)))
+    }
+
     fn trial(&self, place: usize) -> u32 {
         self.problem.data.trial[self.rows[place]]
     }
 
+    /// What the model leaves.
     fn at(&self, place: usize, output: usize) -> f64 {
         self.residual[self.rows[place] * self.problem.data.n_outputs + output]
+    }
+
+    /// What was measured, weighed as what is left is.
+    fn measured(&self, place: usize, output: usize) -> f64 {
+        let entry = self.rows[place] * self.problem.data.n_outputs + output;
+        self.problem.data.outputs[entry] * self.problem.weight[entry]
     }
 }
