@@ -42,7 +42,7 @@ pub(super) enum Kind {
     OtherPlay(usize),
 }
 
-/// Of one class a list holds at most one member: they explain the same.
+/// Of one class a list holds at most one member: they explain the same; but for [`Kind::stands_beside`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Class {
     Rate,
@@ -185,6 +185,15 @@ impl Kind {
         }
     }
 
+    /// Whether a list may hold both. A delay moves the motion in time and keeps its shape, which no lag does: a bus or a camera behind
+    /// a slow joint makes both.
+    pub fn stands_beside(self, other: Self) -> bool {
+        let is_slow = |kind: Self| matches!(kind, Self::RateLimit | Self::Lag | Self::SecondOrder);
+        self.class() != other.class()
+            || self == Self::Latency && is_slow(other)
+            || other == Self::Latency && is_slow(self)
+    }
+
     /// Every shape that a joint's errors can have and no effect of the library makes.
     pub fn shapes(signal: &Signal) -> Vec<Self> {
         let mut all = vec![Self::Kink, Self::Drag, Self::Jump, Self::Wander, Self::Rhythm, Self::Fading];
@@ -258,7 +267,15 @@ impl Kind {
 
     /// Whether these values make it a plainer kind, which is a candidate too.
     pub fn is_plainer(self, values: &[f64], s: &Signal) -> bool {
-        self == Self::UnevenPlays && values.get(1).is_some_and(|bend| bend.abs() * 0.5 * s.range < LEAST_UNEVEN)
+        match (self, values) {
+            (Self::UnevenPlays, [_, bend, ..]) => bend.abs() * 0.5 * s.range < LEAST_UNEVEN,
+            // A swing that is damped so much is two lags, and one that is over within a row is where in the row the command came.
+            (Self::SecondOrder, [frequency, damping]) if *damping > 1.0 => {
+                let faster = frequency * (damping + (damping * damping - 1.0).sqrt());
+                faster * s.typical_step_s > 1.0
+            }
+            _ => false,
+        }
     }
 
     /// Whether it can only lose motion: what it does to the position has the sign of the gain.

@@ -4,6 +4,7 @@ use super::kind::Kind;
 use super::signal::Signal;
 use super::simulate::{Member, Run, Varies};
 use super::solve::{Design, Solution, evaluate, solve, weighted_normal};
+use core::f64::consts::TAU;
 use nalgebra::DVector;
 
 /// A fitted list.
@@ -74,8 +75,15 @@ impl Fit {
         let is_motion = own.kind == Kind::Rhythm && signal.is_of_motion(own.values[0]);
         at_end
             || is_motion
+            || own.kind == Kind::Periodic && (self.is_beyond_its_period(i) || is_line_on_levels(signal, own.values[0]))
             || own.kind.is_plainer(&own.values, signal)
             || own.kind.lags_behind() && self.amplitudes(i).iter().any(|a| a * self.solution.gains[0] < 0.0)
+    }
+
+    /// Whether a repeating error is larger than the period in which it repeats: a part out of centre by so much would not turn.
+    fn is_beyond_its_period(&self, i: usize) -> bool {
+        let size = self.amplitudes(i).iter().map(|a| a * a).sum::<f64>().sqrt();
+        size > self.members[i].values[0] * self.solution.gains[0].abs()
     }
 
     /// Amplitudes of a member's columns.
@@ -83,6 +91,27 @@ impl Fit {
         let from: usize = self.members[..i].iter().map(|own| own.kind.n_linear()).sum();
         &self.solution.amplitudes[from..from + self.members[i].kind.n_linear()]
     }
+}
+
+/// Where a straight line has more than this share of a wave's squares, it is no wave.
+const MOST_OF_LINE: f64 = 0.5;
+
+/// Whether waves of this period are mostly a straight line at the few commands that a joint is told: it goes a whole number of periods
+/// from each to the next, or nearly.
+fn is_line_on_levels(signal: &Signal, period: f64) -> bool {
+    let levels = &signal.levels;
+    let n = levels.len() as f64;
+    let mean = levels.iter().sum::<f64>() / n;
+    let square: f64 = levels.iter().map(|u| (u - mean).powi(2)).sum();
+    let on_line = |wave: fn(f64) -> f64| {
+        let (sum, along) = levels.iter().fold((0.0, 0.0), |(sum, along), u| {
+            let own = wave(TAU * u / period);
+            (sum + own, along + own * (u - mean))
+        });
+        sum * sum / n + along * along / square
+    };
+    // Of sine and cosine together the squares are n.
+    levels.len() > 1 && on_line(f64::sin) + on_line(f64::cos) > MOST_OF_LINE * n
 }
 
 /// The kinds of a list, sorted: lists with the same kinds are the same.

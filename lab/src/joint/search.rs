@@ -1,6 +1,6 @@
 //! Beam search over lists of effects: every extension from a grid, the best deepened, then swapped and pruned.
 
-use super::kind::{Class, Kind};
+use super::kind::Kind;
 use super::refine::{Fit, Loss, as_given, kinds, polish, refine};
 use super::signal::Signal;
 use super::simulate::Member;
@@ -74,7 +74,7 @@ impl<'a> Search<'a> {
 
     /// Whether a list can hold one more of this kind.
     pub fn is_compatible(members: &[Member], kind: Kind) -> bool {
-        members.iter().all(|own| own.kind.class() != kind.class())
+        members.iter().all(|own| kind.stands_beside(own.kind))
     }
 
     /// The best list.
@@ -291,8 +291,10 @@ impl<'a> Search<'a> {
 
     /// Kinds that may stand in a member's place.
     pub fn others(&self, fit: &Fit, slot: Kind) -> Vec<Kind> {
-        let classes: Vec<Class> = fit.members.iter().filter(|m| m.kind != slot).map(|m| m.kind.class()).collect();
-        let may = |own: &Kind| *own != slot && !own.is_shape() && !classes.contains(&own.class());
+        let may = |own: &Kind| {
+            let fits = |m: &Member| m.kind == slot || own.stands_beside(m.kind);
+            *own != slot && !own.is_shape() && fit.members.iter().all(fits)
+        };
         self.candidates.iter().copied().filter(may).collect()
     }
 }

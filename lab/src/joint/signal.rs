@@ -56,6 +56,8 @@ pub(super) struct Signal {
     pub columns: Vec<Column>,
     /// What formulas see beside commands and positions; nothing where none is offered ([`Signal::with_formulas`]).
     pub formulas: Arc<Formulas>,
+    /// The commands of a joint that is told few of them, as in steps; nothing where there are many.
+    pub levels: Vec<f64>,
     /// What the model knows of gain and offset.
     pub gain: Number,
     /// The same for the offset.
@@ -222,6 +224,7 @@ impl Signal {
             columns: Vec::new(),
             formulas: Arc::new(Formulas::default()),
             gain: machine.gain_known(joint),
+            levels: levels(&inputs[joint]),
             offset: machine.offset_known(joint),
             inputs,
         })
@@ -320,6 +323,24 @@ fn strong_waves(command: &[f64], time_s: &[f64], trial: &[usize]) -> Vec<Wave> {
     let first = trial.iter().position(|own| *own == 0).unwrap_or(0);
     let end = trial.iter().position(|own| *own > 0).unwrap_or(command.len());
     let stride = (end - first).div_ceil(ROWS_OF_SPECTRUM).max(1);
+/// More commands than this are many.
+const MOST_LEVELS: usize = 64;
+
+/// The values that a command takes, in their order; nothing where these are many.
+fn levels(command: &[f64]) -> Vec<f64> {
+    let mut all: Vec<f64> = Vec::new();
+    for &value in command {
+        let at = all.partition_point(|own| *own < value);
+        if all.get(at) != Some(&value) {
+            all.insert(at, value);
+        }
+        if all.len() > MOST_LEVELS {
+            return Vec::new();
+        }
+    }
+    all
+}
+
     let rows: Vec<usize> = (first..end).step_by(stride).collect();
     let n = rows.len() as f64;
     let mean = rows.iter().map(|&row| command[row]).sum::<f64>() / n.max(1.0);
