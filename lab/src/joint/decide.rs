@@ -13,6 +13,7 @@ use super::proposals::proposals;
 use super::refine::{Fit, Loss, as_given, refine, tangents};
 use super::search::{Plan, Search, n_effective};
 use super::signal::Signal;
+use super::shapes::{beside, strongest_shape, without_harm};
 use super::simulate::Member;
 use super::starts::settled;
 use super::terms::{self, Value, Values};
@@ -215,7 +216,9 @@ impl Case<'_> {
             hypotheses = Some(fit);
             (fit, after) = (base.clone(), before.clone());
         }
-        let (mut fit, mut after, variations) = varied(last, fit, after, (self.machine, self.data_of(signal)));
+        let (fit, after, mut variations) = varied(last, fit, after, (self.machine, self.data_of(signal)));
+        let (mut fit, mut after) = without_harm(last, fit, after, &blocks);
+        variations.retain(|own| fit.members.iter().any(|member| member.kind == own.kind));
         let floor = floor(signal, &problem, &fit, after.mean_square.min(before.mean_square).sqrt());
         let shape = strongest_shape(last, &fit, &blocks, &after);
         let with_shapes = after.mean_square;
@@ -308,24 +311,6 @@ impl Case<'_> {
     fn data_of(&self, signal: &Signal) -> &Measurements {
         if signal.n() == self.data.n_rows() { self.data } else { self.work }
     }
-}
-
-/// The shape in a list that brings most, with its share of the mean square that is left without it.
-fn strongest_shape(search: &Search, fit: &Fit, blocks: &Blocks, after: &HeldOut) -> Option<(Kind, f64)> {
-    let shapes = fit.kinds().into_iter().filter(|kind| kind.is_shape());
-    let share = |kind: Kind| {
-        let without = search.part(fit, |own| own != kind, 6);
-        let held = held_out(search.signal, &without, search.loss, blocks, 3);
-        (kind, 1.0 - after.mean_square / held.mean_square.max(1e-300))
-    };
-    shapes.map(share).max_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-/// What the effects of a list take away beside its shapes, as a share of what is left without them.
-fn beside(search: &Search, fit: &Fit, blocks: &Blocks, with_shapes: f64) -> f64 {
-    let shapes = search.part(fit, Kind::is_shape, 8);
-    let held = held_out(search.signal, &shapes, search.loss, blocks, 3);
-    1.0 - with_shapes / held.mean_square.max(1e-300)
 }
 
 /// What a joint may have. A gain and an offset that the model holds may be wrong; a curve of two terms is looked for only where

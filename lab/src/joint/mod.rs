@@ -21,6 +21,7 @@ mod refine;
 mod search;
 mod signal;
 mod simulate;
+mod shapes;
 mod solve;
 mod starts;
 mod still;
