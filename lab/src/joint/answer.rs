@@ -106,12 +106,17 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     let offsets: Vec<f64> = found.iter().map(|own| own.values.offsets[0].0).collect();
     let calibrated = machine.calibrated(&gains, &offsets);
     let separating = || effects.iter().find_map(|effect| separate_joints(&effect.class, effect.joint));
-    let next_experiment = next(verdict, separating, remaining.looks_like);
+    let lost = || found.iter().filter(|own| !own.is_followed && hints.is_empty());
+    let is_lost = verdict == Verdict::Unknown && lost().next().is_some();
+    let next_experiment = if is_lost { None } else { next(verdict, separating, remaining.looks_like) };
     let problem = Problem::new(machine, data.clone(), &[], f64::INFINITY);
     let mut cautions: Vec<String> = hints.clone();
     cautions.extend(odd);
     cautions.extend(cautions_of(&problem, n_outliers));
     cautions.extend(found.iter().flat_map(|own| disagreeing(own, options, data)));
+    if !is_lost {
+        cautions.extend(lost().map(|own| not_followed(own, &data.names)));
+    }
     let mut calibration = calibrations(machine, &found, options);
     calibration.extend_from_slice(own_values);
     let sentence = sentence(&Said {
@@ -424,6 +429,7 @@ fn sentence(said: &Said) -> String {
         effect.joint.filter(|_| several).map_or(String::new(), |joint| format!(" on {}", said.names.joint(joint)))
     };
     let names = named(said.effects, on_joint);
+    let lost = said.found.iter().find(|own| !own.is_followed);
     let explained =
         said.share.map_or(String::new(), |share| format!(", {:.0} % of what there was to explain", 100.0 * share));
     match said.verdict {
@@ -453,8 +459,19 @@ fn sentence(said: &Said) -> String {
                 "too short to test: what is left remembers so long that about {needed:.0} s of such data are needed"
             )
         }
+        Verdict::Unknown if lost.is_some() => lost.map_or(String::new(), |own| not_followed(own, said.names)),
         Verdict::Unknown => format!(
             "something is missing that no known effects explain: {before:.3} {unit} remain after calibration beside {floor}"
         ),
     }
+}
+
+/// Where a measurement has nothing of its command.
+fn not_followed(own: &Found, names: &Names) -> String {
+    let joint = own.joint + 1;
+    format!(
+        "the measurement of {} does not follow its input, of which it has nothing that is told from chance: look at the columns, the \
+         cable and the sensor",
+        names.joint(joint)
+    )
 }

@@ -5,6 +5,7 @@ use super::beside::{Variation, varied, with_common_columns};
 use super::columns;
 use super::first::first;
 use super::floor::{Floor, floor};
+use super::following::follows;
 use super::gate::{Blocks, HeldOut, gate, held_out, in_errors, order};
 use super::kind::Kind;
 use super::numbers::{excluded, solutions};
@@ -60,6 +61,8 @@ const BEYOND_DOUBT: f64 = 1.1;
 pub(super) struct Found {
     pub joint: usize,
     pub verdict: Verdict,
+    /// Whether the measurement follows the command, as far as anybody can say.
+    pub is_followed: bool,
     /// The list that stands, or the hypotheses.
     pub fit: Fit,
     pub values: Values,
@@ -275,7 +278,14 @@ impl Case<'_> {
             after = held_out(signal, &own, loss, &blocks, 3);
             fit = own;
         }
+        let is_followed = verdict == Verdict::TooShort
+            || follows(self.machine, signal, before.mean_square.min(after.mean_square), n_effective(&base));
+        if !is_followed {
+            verdict = Verdict::Unknown;
+            (fit, after) = (base.clone(), before.clone());
+        }
         let proposals = match verdict {
+            _ if !is_followed => Vec::new(),
             Verdict::Partly => of_rest(&last.part(&fit, |kind| !kind.is_shape(), 8)),
             Verdict::Unknown => of_rest(&base),
             _ => Vec::new(),
@@ -297,6 +307,7 @@ impl Case<'_> {
             probabilities,
             before,
             after,
+            is_followed,
             floor,
             structure,
             structured,

@@ -13,6 +13,7 @@ mod decide;
 mod first;
 mod floor;
 mod gate;
+mod following;
 mod kind;
 mod numbers;
 mod own;

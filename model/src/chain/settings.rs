@@ -414,6 +414,19 @@ pub enum ChainError {
         "the model is of kind force: it says which torque a motion needs, and drives nothing; give a model of a snake or of joints"
     )]
     NothingToDrive,
+    /// A fitted gain of a joint that cannot be told from zero.
+    #[error(
+        "the gain of joint {joint} is {gain:.3e} with a standard error of {se:.1e}: it cannot be told from zero, so no commands follow from \
+         wanted positions; look at that joint's measurements and fit it again"
+    )]
+    NoGain {
+        /// The joint, from 1.
+        joint: usize,
+        /// Its gain.
+        gain: f64,
+        /// Its standard error.
+        se: f64,
+    },
     /// The joints' matrix G determines no commands.
     #[error(
         "the matrix `gain` of the joints has no inverse, or nearly none, so no commands follow from wanted positions; correct it"

@@ -6,7 +6,7 @@ use crate::effects::formula::Formula;
 use crate::effects::formula_variables::joint_values;
 use crate::effects::varying::VaryingStep;
 use crate::effects::{Definition, EffectKind, Hook, MAX_COLUMNS, MAX_PARAMETERS};
-use crate::model_file::Joints;
+use crate::model_file::{Joints, Known};
 use crate::{ChainError, Circumstances, EffectSetting, KnownColumns, LearntParameter};
 
 /// Joints with their effects, checked.
@@ -122,6 +122,15 @@ impl JointChain {
     /// c of a joint, in units of y.
     pub(super) fn offset(&self, i: usize) -> f64 {
         self.joints.offset[i]
+    }
+
+    /// The first joint, from 0, whose own gain was fitted and lies within so many standard errors of zero, with both.
+    pub(super) fn gain_of_chance(&self, errors: f64) -> Option<(usize, f64, f64)> {
+        let own = |(i, known): (usize, &Known)| match known {
+            Known::Fitted { se, .. } if self.gain(i, i).abs() < errors * se => Some((i, self.gain(i, i), *se)),
+            _ => None,
+        };
+        self.joints.gain_known.iter().enumerate().find_map(own)
     }
 
     pub(super) fn gain(&self, i: usize, k: usize) -> f64 {

@@ -26,6 +26,8 @@ const MAX_ROUNDS: usize = 6;
 const MAX_TRIALS: usize = 60;
 /// So many trials of a bracket suffice where nothing has an edge.
 const SOON: usize = 6;
+/// A fitted gain within so many standard errors of zero is chance: to divide by it asks for any command at all.
+const ERRORS_OF_NO_GAIN: f64 = 5.0;
 /// A position nearer than this to the wanted one is reached: part of 1 + its size, in units of u.
 const REACHED: f64 = 1e-10;
 
@@ -82,13 +84,16 @@ impl JointChain {
     /// The inverse: turns wanted positions into commands. Its first step begins at rest at whatever is wanted.
     ///
     /// # Errors
-    /// [`ChainError::NoInverse`] for the first effect that no command undoes, [`ChainError::Gain`] for a matrix G that has no
-    /// inverse, [`ChainError::OutOfBounds`] for settings out of range.
+    /// [`ChainError::NoInverse`] for the first effect that no command undoes, [`ChainError::NoGain`] for a gain that was
+    /// fitted and may be zero, [`ChainError::Gain`] for a matrix G that has no inverse, [`ChainError::OutOfBounds`] for settings out of range.
     pub fn compensator(&self, settings: JointInverseSettings) -> Result<JointCompensator, ChainError> {
         for definition in self.definitions() {
             if let Inverse::None(reason) = definition.inverse {
                 return Err(ChainError::NoInverse { name: definition.name, reason });
             }
+        }
+        if let Some((joint, gain, se)) = self.gain_of_chance(ERRORS_OF_NO_GAIN) {
+            return Err(ChainError::NoGain { joint: joint + 1, gain, se });
         }
         let out_of_bounds = |key, found, low, high, unit| ChainError::OutOfBounds {
             effect: "the inverse of joints",

@@ -157,6 +157,15 @@ fn what_no_command_undoes_is_refused_by_name() {
     }
     let singular = chain("gain = [[1.0, 2.0], [0.5, 1.0]]\n", "").compensator(Default::default());
     assert_eq!(singular.unwrap_err(), ChainError::Gain);
+    // A gain that a fit cannot tell from zero; one that is as small and well known asks for long ways, and may.
+    let fitted = |se: f64| {
+        let text = format!("gain = [1.0, {{ value = 1.9e-4, se = {se:e} }}]\n");
+        chain(&text, "").compensator(Default::default())
+    };
+    let refused = fitted(9.4e-5).unwrap_err();
+    assert!(matches!(refused, ChainError::NoGain { joint: 2, .. }), "{refused}");
+    assert!(refused.to_string().contains("cannot be told from zero"), "{refused}");
+    drop(fitted(1e-6).unwrap());
     for settings in [
         JointInverseSettings { reversal_gain: 0.5, ..Default::default() },
         JointInverseSettings { settle_s: f64::NAN, ..Default::default() },

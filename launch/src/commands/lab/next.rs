@@ -24,6 +24,8 @@ pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Ses
         return formula(args, &diagnosis.proposals, session);
     }
     match diagnosis.verdict {
+        // No motion shows more of a joint whose measurement does not follow.
+        Verdict::Unknown if diagnosis.next_experiment.is_none() => String::new(),
         Verdict::Missing | Verdict::Partly if !diagnosis.effects.is_empty() => additions(args, diagnosis, session),
         Verdict::None if !args.free.is_empty() => {
             let free: String = dotted(&args.free).iter().map(|name| format!("--free {} ", quoted(name))).collect();
