@@ -99,7 +99,13 @@ fn of_recording(
     let from = there.n_rows() / START_PARTS;
     let begin = rows(&there, 0..from);
     let predicted = |terms: &[Term]| match machine.as_joints() {
-        Some(joints) => Scored::new(&calibrated(&joints.with_effects(terms), &begin)?, &there, from)?.rms(terms),
+        Some(joints) => {
+            // The clock of joints is one of all recordings.
+            let moved = there.by_clocks(&open.clocks[..open.clocks.len().min(1)], &[0]);
+            let from = row_at(&moved, there.trial[from], there.time_s[from]).unwrap_or(moved.n_rows());
+            let begin = rows(&moved, 0..from);
+            Scored::new(&calibrated(&joints.with_effects(terms), &begin)?, &moved, from)?.rms(terms)
+        }
         None => {
             let moved = by_own_third(machine, (&begin, &there), options, &open, terms)?;
             let from = row_at(&moved, there.trial[from], there.time_s[from]).unwrap_or(moved.n_rows());

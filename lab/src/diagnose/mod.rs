@@ -70,6 +70,7 @@ pub(crate) use experiment::{next, separate_joints};
 pub(crate) use gate::{cautions, turns};
 pub use locked::{LockedError, LockedPart};
 pub(crate) use recordings::{FEWEST_RECORDINGS, disagreements};
+pub(crate) use rest::badness;
 pub(crate) use rhythm::rhythm;
 pub use size::titled;
 pub use sketch::Sketch;

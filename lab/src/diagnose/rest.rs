@@ -18,7 +18,7 @@ pub(super) const MOST_STEPS: usize = 4;
 pub(super) const SMALL_STEP: f64 = 0.3;
 
 /// Mean square that a diagnosis leaves, with a price for each effect and for each part of the data that was moved.
-pub(super) fn badness(own: &Diagnosis, n_moved: usize) -> f64 {
+pub(crate) fn badness(own: &Diagnosis, n_moved: usize) -> f64 {
     let n = own.effects.len() + own.partial.len() + n_moved;
     own.final_heldout_rms.powi(2) * (1.0 + LEAST_SHARE).powf(n as f64)
 }

@@ -13,8 +13,8 @@ use super::own;
 use super::proposals::proposals;
 use super::refine::{Fit, Loss, as_given, refine, tangents};
 use super::search::{Plan, Search, n_effective};
-use super::signal::Signal;
 use super::shapes::{beside, strongest_shape, without_harm};
+use super::signal::Signal;
 use super::simulate::Member;
 use super::starts::settled;
 use super::terms::{self, Value, Values};
@@ -109,11 +109,11 @@ pub(super) struct Single {
     pub p_value: f64,
 }
 
-/// Says what is missing from a machine of joints.
+/// Says what is missing from a machine of joints, by the clock that the data have.
 ///
 /// # Errors
 /// [`LabError::Chain`] where the model as given cannot be computed.
-pub(crate) fn diagnose(
+pub(super) fn diagnose(
     machine: &JointsLab,
     data: &Measurements,
     options: &DiagnoseOptions,
@@ -290,14 +290,24 @@ impl Case<'_> {
             Verdict::Unknown => of_rest(&base),
             _ => Vec::new(),
         };
-        let order: Vec<Kind> =
+        // Measurements that come ahead are calibration, as gain and offset are.
+        let is_asserted = matches!(verdict, Verdict::None | Verdict::Missing | Verdict::Partly);
+        let before = if is_asserted && fit.members.iter().any(Member::is_ahead) {
+            let delayed = last.part(&fit, |kind| kind == Kind::Latency, 8);
+            held_out(signal, &delayed, loss, &blocks, 3)
+        } else {
+            before
+        };
+        let mut order: Vec<Kind> =
             order(last, &fit).into_iter().map(|(kind, _)| kind).filter(|kind| !kind.is_shape()).collect();
+        order.sort_by_key(|kind| !fit.members.iter().any(|own| own.kind == *kind && own.is_ahead()));
         let steps = steps(last, &fit, &order, &blocks, &before, &after);
         let (classes, probabilities) = classes(search, &fit, &order, self.options.seed);
         let singles = singles(search, &test.of_kind);
         Found {
             joint: signal.joint,
             verdict,
+            is_followed,
             values: terms::values(signal, &fit, &problem),
             as_given: given(self.machine, self.data, signal.joint),
             fit,
@@ -307,7 +317,6 @@ impl Case<'_> {
             probabilities,
             before,
             after,
-            is_followed,
             floor,
             structure,
             structured,

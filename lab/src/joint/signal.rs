@@ -192,6 +192,9 @@ impl Signal {
         let (low, high) = bounds(inputs[joint].iter().copied());
         let mut steps: Vec<f64> = step_s.iter().copied().filter(|dt| *dt > 0.0).collect();
         steps.sort_by(f64::total_cmp);
+        // Rows of two clocks nearly coincide: the way from one to the other is no step.
+        let long = steps.get(3 * steps.len() / 4).copied().unwrap_or(0.0);
+        steps.retain(|dt| *dt > NO_STEP * long);
         let mut speeds: Vec<f64> = (1..n)
             .filter(|row| step_s[*row] > 0.0)
             .map(|row| (inputs[joint][row] - inputs[joint][row - 1]).abs() / step_s[row])
@@ -221,10 +224,10 @@ impl Signal {
             low,
             typical_step_s: at(&steps, 0.5).unwrap_or(1.0),
             fast: at(&speeds, 0.995).filter(|speed| *speed > 0.0).unwrap_or(1.0),
+            levels: levels(&inputs[joint]),
             columns: Vec::new(),
             formulas: Arc::new(Formulas::default()),
             gain: machine.gain_known(joint),
-            levels: levels(&inputs[joint]),
             offset: machine.offset_known(joint),
             inputs,
         })
@@ -305,6 +308,8 @@ impl Signal {
     }
 }
 
+/// Less than this part of a usual step from row to row is none.
+const NO_STEP: f64 = 0.02;
 /// Rhythms that are tried.
 const MOST_RHYTHMS: f64 = 300.0;
 /// A frequency of this share of the command's variance is the motion's own, of this one the motion is mostly one sine.
@@ -318,11 +323,6 @@ const HARMONICS: u32 = 6;
 const ROWS_OF_SPECTRUM: usize = 2000;
 const HALF_WAVES: u32 = 200;
 
-/// Frequencies that make much of the first part of a command; none of one that stands still.
-fn strong_waves(command: &[f64], time_s: &[f64], trial: &[usize]) -> Vec<Wave> {
-    let first = trial.iter().position(|own| *own == 0).unwrap_or(0);
-    let end = trial.iter().position(|own| *own > 0).unwrap_or(command.len());
-    let stride = (end - first).div_ceil(ROWS_OF_SPECTRUM).max(1);
 /// More commands than this are many.
 const MOST_LEVELS: usize = 64;
 
@@ -341,6 +341,11 @@ fn levels(command: &[f64]) -> Vec<f64> {
     all
 }
 
+/// Frequencies that make much of the first part of a command; none of one that stands still.
+fn strong_waves(command: &[f64], time_s: &[f64], trial: &[usize]) -> Vec<Wave> {
+    let first = trial.iter().position(|own| *own == 0).unwrap_or(0);
+    let end = trial.iter().position(|own| *own > 0).unwrap_or(command.len());
+    let stride = (end - first).div_ceil(ROWS_OF_SPECTRUM).max(1);
     let rows: Vec<usize> = (first..end).step_by(stride).collect();
     let n = rows.len() as f64;
     let mean = rows.iter().map(|&row| command[row]).sum::<f64>() / n.max(1.0);
