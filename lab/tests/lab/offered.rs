@@ -284,7 +284,6 @@ fn what_cannot_be_offered_is_refused_in_one_sentence() {
         (JOINTS, String::new(), "no effect of kind formula"),
         (JOINTS, formula("own", "joint", "sin(a * u_i)", "a = 1.0"), size),
         (JOINTS, formula("backlash", "joint", "a * u_i", "a = 1.0"), "the name of another effect"),
-        (JOINTS, formula("own", "joint", "a * u_i", "a = 1.0").repeat(2), "the name of another effect"),
     ] {
         let said = refused(machine, &effects);
         assert!(said.contains(words) && said.contains("own.toml") && !said.contains('\n'), "{said}");
