@@ -56,7 +56,7 @@ pub(super) struct Signal {
     pub columns: Vec<Column>,
     /// What formulas see beside commands and positions; nothing where none is offered ([`Signal::with_formulas`]).
     pub formulas: Arc<Formulas>,
-    /// The commands of a joint that is told few of them, as in steps; nothing where there are many.
+    /// The commands of a joint that is told them in steps; nothing where it is told to move.
     pub levels: Vec<f64>,
     /// What the model knows of gain and offset.
     pub gain: Number,
@@ -325,20 +325,25 @@ const HALF_WAVES: u32 = 200;
 
 /// More commands than this are many.
 const MOST_LEVELS: usize = 64;
+/// Share of all rows in which a command in steps has one of those at which it stands.
+const ON_LEVELS: f64 = 0.8;
 
-/// The values that a command takes, in their order; nothing where these are many.
+/// The values at which a command in steps stands from one row to the next, in their order; nothing where these are many, or where the
+/// command also moves between them.
 fn levels(command: &[f64]) -> Vec<f64> {
     let mut all: Vec<f64> = Vec::new();
-    for &value in command {
-        let at = all.partition_point(|own| *own < value);
-        if all.get(at) != Some(&value) {
-            all.insert(at, value);
+    for stands in command.windows(2).filter(|pair| pair[0] == pair[1]) {
+        let at = all.partition_point(|own| *own < stands[0]);
+        if all.get(at) != Some(&stands[0]) {
+            all.insert(at, stands[0]);
         }
         if all.len() > MOST_LEVELS {
             return Vec::new();
         }
     }
-    all
+    let is_on_one = |value: &&f64| all.binary_search_by(|own| own.total_cmp(value)).is_ok();
+    let n = command.iter().filter(is_on_one).count();
+    if n as f64 >= ON_LEVELS * command.len() as f64 { all } else { Vec::new() }
 }
 
 /// Frequencies that make much of the first part of a command; none of one that stands still.
