@@ -23,7 +23,7 @@ pub enum BridgeError {
     /// A model of which a number is not known yet.
     #[error(
         "{key} of {of} is not known, expected a number: a chain drives calibrated machines only; \
-         `krait lab compare` finds it from a recording, so write that into the model file"
+         `krait lab fit` finds it from a recording and writes a model file with it"
     )]
     Uncalibrated {
         /// The number's key.

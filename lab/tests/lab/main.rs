@@ -13,6 +13,7 @@ mod init_columns;
 mod joint_beside;
 mod joint_columns;
 mod joint_starts;
+mod joint_verdicts;
 mod joints;
 mod joints_apart;
 mod model_free;
