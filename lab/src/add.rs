@@ -110,12 +110,29 @@ pub fn add(machine: &dyn MachineUnderTest, data: &Measurements, options: &AddOpt
         Some(candidate) => bench.on_grid(&of_asked_joint(machine, candidate, &options.term), &again)?,
         None => bench.near_values(&options.term, &parameters, &free, again)?,
     };
+    unseen(&options.term, &fitted)?;
     let alone = bench.report(fitted);
     match joints {
         // Gains and offsets were held where they are best without the effect.
         Some(joints) => with_own(joints, data, options, alone, &asked, Ground::is_open),
         None => Ok(alone),
     }
+}
+
+/// Refuses a formula of which a parameter changes nothing where the fit ended: nobody knows its value, and a standard error of zero says
+/// the opposite.
+fn unseen(term: &Term, fitted: &Fit) -> Result<(), LabError> {
+    let all = fitted.variables.iter().zip(&fitted.slopes);
+    let unseen = all.filter(|(_, slope)| slope.iter().all(|own| *own == 0.0)).map(|(own, _)| own.name.as_str());
+    let names: Vec<&str> = unseen.collect();
+    if term.formula.is_none() || names.is_empty() {
+        return Ok(());
+    }
+    let reason = format!(
+        "has parameters that change nothing where its fit ended ({}): begin with other values",
+        names.join(", ")
+    );
+    Err(LabError::CannotShow { effect: term.label().to_owned(), reason })
 }
 
 /// A force's effect on the joint that is asked for; on the one where it helps most where none is.

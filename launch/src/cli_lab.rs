@@ -26,7 +26,7 @@ pub enum LabVerb {
     Diagnose(DiagnoseArgs),
     /// Adds an effect to a model, fits it, and shows the error before and after on data that it was not fitted to.
     #[command(
-        after_help = "Examples:\n  krait lab add backlash --model base.toml --data run.csv --out better.toml\n  krait lab add creep --free a1,t1_s,a2 --set t2_s=90 --model base.toml --data run.csv --out better.toml\n  krait lab add formula --name shelf --hook eps --formula \"a * tanh(bend / b) * cos(delta - d0)\" --param a=0:m --param b=0.2:rad --param d0=0:rad --model base.toml --data run.csv --out better.toml\n\nA formula may use +, -, *, /, ^, parentheses, sin, cos, tan, exp, ln, sqrt, abs, tanh, and the variables that `krait model show --defaults` lists for each hook; it can do nothing but arithmetic."
+        after_help = "Examples:\n  krait lab add backlash --model base.toml --data run.csv --out better.toml\n  krait lab add creep --free a1,t1_s,a2 --set t2_s=90 --model base.toml --data run.csv --out better.toml\n  krait lab add formula --name shelf --hook eps --formula \"a * tanh(q_i / b)\" --param a=1e-5:m --param b=1e-3:m --model base.toml --data run.csv --out better.toml\n\nA formula may use +, -, *, /, ^, parentheses, sin, cos, tan, exp, ln, sqrt, abs, tanh, and the variables that `krait model show --defaults` lists for each hook; it can do nothing but arithmetic."
     )]
     Add(Box<AddArgs>),
     /// Fits parameters of the effects that a model already has.

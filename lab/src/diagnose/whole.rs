@@ -8,7 +8,6 @@ use super::locked;
 use super::model_free::model_free_rms;
 use super::own_camera::by_own_camera;
 use super::verdict::by_one_clock;
-use crate::joint::check_gains;
 use crate::machine::{Freed, MachineUnderTest, freed};
 use crate::{LabError, Measurements, Offered, Quantity, offered};
 
@@ -64,9 +63,6 @@ pub fn diagnose(
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
     offered::check(&options.offered, machine, data)?;
-    if let Some(joints) = machine.as_joints() {
-        check_gains(&freed(joints, &options.free)?.joints, data, &options.recordings)?;
-    }
     let diagnosis = open_diagnosis(machine, data, options)?;
     let remains = matches!(diagnosis.verdict, Verdict::Partly | Verdict::Unknown) || diagnosis.noise_floor.is_none();
     let model_free_rms = match remains {

@@ -5,6 +5,7 @@ use super::decide::Found;
 use super::gate::HeldOut;
 use super::kind::Kind;
 use super::signal::Number;
+use super::still::hides_gain;
 use super::terms::{Values, name, term};
 use crate::diagnose::{
     Calibration, CandidateAnswer, DependsOn, DiagnoseOptions, Diagnosis, FEWEST_RECORDINGS, FoundEffect,
@@ -117,7 +118,12 @@ pub(super) fn diagnosis(answer: Answer) -> Result<Diagnosis, LabError> {
     if !is_lost {
         cautions.extend(lost().map(|own| not_followed(own, &data.names)));
     }
-    let mut calibration = calibrations(machine, &found, options);
+    let hidden = |own: &&Found| hides_gain(machine, data, own.joint, &options.recordings);
+    cautions.extend(found.iter().filter(hidden).map(|own| {
+        let joint = data.names.joint(own.joint + 1);
+        format!("{joint} does not move, so that its gain cannot be seen: nothing is said of it")
+    }));
+    let mut calibration = calibrations(machine, found.iter().filter(|own| !hidden(own)), options);
     calibration.extend_from_slice(own_values);
     let sentence = sentence(&Said {
         verdict,
@@ -322,7 +328,11 @@ fn remaining(found: &[Found], share: Option<f64>) -> Remaining {
 }
 
 /// What every fit found beside the effects.
-fn calibrations(machine: &JointsLab, found: &[Found], options: &DiagnoseOptions) -> Vec<Calibration> {
+fn calibrations<'a>(
+    machine: &JointsLab,
+    found: impl Iterator<Item = &'a Found>,
+    options: &DiagnoseOptions,
+) -> Vec<Calibration> {
     let names: Vec<String> = options.recordings.iter().map(|(name, _)| name.clone()).collect();
     let mut all = Vec::new();
     for own in found {

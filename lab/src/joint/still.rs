@@ -5,8 +5,10 @@ use super::signal::Number;
 use crate::machine::JointsLab;
 use crate::noise::{bounds, is_still};
 use crate::{LabError, Measurements, Term};
+use krait_model::model_file::Known;
 
-/// Refuses a joint that stands still in every recording while the model leaves its gain to the fits.
+/// Refuses a joint that stands still in every recording while its gain is to be fitted for the model file: the file says `"free"`, or a name
+/// freed it. One that the file leaves out stays out of it, and keeps nobody from the other joints.
 ///
 /// # Errors
 /// [`LabError::StillGain`].
@@ -15,12 +17,22 @@ pub(crate) fn check_gains(
     data: &Measurements,
     recordings: &[(String, usize)],
 ) -> Result<(), LabError> {
-    let is_open = |joint: &usize| machine.gain_known(*joint) == Number::Free;
+    let is_open = |joint: &usize| machine.joints().gain_known.get(*joint) == Some(&Known::Free);
     let still = (0..data.n_inputs).filter(is_open).find(|joint| !moves(data, *joint, recordings));
     still.map_or(Ok(()), |joint| {
         let (source, joint) = (data.source.clone(), data.names.joint(joint + 1));
         Err(LabError::StillGain { data: source, joint })
     })
+}
+
+/// Whether nothing can be said of a joint's gain: it is open, and the joint stands still in every recording.
+pub(super) fn hides_gain(
+    machine: &JointsLab,
+    data: &Measurements,
+    joint: usize,
+    recordings: &[(String, usize)],
+) -> bool {
+    machine.gain_known(joint) == Number::Free && !moves(data, joint, recordings)
 }
 
 /// Refuses a new effect on a joint that stands still in every recording. An effect on every joint, and a formula, need one that moves.

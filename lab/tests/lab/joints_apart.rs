@@ -59,19 +59,25 @@ fn an_open_gain_of_a_joint_that_does_not_move_is_refused_with_the_joint_and_what
         let words = ["made.csv: joint 2 does not move", "record it in motion", "as a number in the model file"];
         assert!(words.iter().all(|own| said.contains(own)), "{said}");
     };
-    for open in ["", "gain = \"free\"\noffset = [0.0, 0.0]\n"] {
+    let free = "gain = \"free\"\noffset = [0.0, 0.0]\n";
+    for open in ["", free] {
         let (_, machine) = model(open);
-        is_said(diagnose(&machine, &data, &options(&[])).expect_err("refused"));
-        is_said(add(&machine, &data, &backlash_on(1.0, &[])).expect_err("refused"));
-        is_said(refit(&machine, &data, &[]).expect_err("refused"));
+        // The other joint is diagnosed all the same, and nothing is said of this one.
+        let found = diagnose(&machine, &data, &options(&[])).expect("the first joint moves");
+        let named: Vec<_> = found.effects.iter().map(|own| (own.name.as_str(), own.joint)).collect();
+        assert_eq!(named, [("backlash", Some(1))], "{}", found.sentence);
+        let is_cautioned = found.cautions.iter().any(|own| own.starts_with("joint 2 does not move, so that its gain"));
+        assert!(is_cautioned && found.calibration.iter().all(|own| own.joint == Some(1)), "{:?}", found.calibration);
     }
+    let (_, machine) = model("");
+    assert!(add(&machine, &data, &backlash_on(1.0, &[])).is_ok());
+    let (_, machine) = model(free);
+    is_said(add(&machine, &data, &backlash_on(1.0, &[])).expect_err("refused"));
+    is_said(refit(&machine, &data, &[]).expect_err("refused"));
     // A gain that is freed by name is open too; the first joint's is not the second one's.
     let (_, machine) = model(HELD);
     let by_name = |name: &str| vec![("machine".to_owned(), name.to_owned())];
     is_said(refit(&machine, &data, &by_name("gain2")).expect_err("refused"));
-    is_said(
-        diagnose(&machine, &data, &DiagnoseOptions { free: by_name("gain"), ..options(&[]) }).expect_err("refused"),
-    );
     assert!(refit(&machine, &data, &by_name("gain1")).is_ok());
 }
 
@@ -102,8 +108,8 @@ fn a_joint_that_moves_in_one_of_several_recordings_shows_its_gain() {
     assert!(add(&machine, &both, &backlash_on(1.0, &recordings)).is_ok());
     // Another pose in each recording is no motion: each has an offset of its own.
     let (still, recordings) = Measurements::joined(one("a.csv", &|_| 0.3), [one("b.csv", &|_| 0.5)]);
-    let said = diagnose(&machine, &still, &options(&recordings)).expect_err("refused").to_string();
-    assert!(said.contains("a.csv, b.csv: joint 2 does not move"), "{said}");
+    let found = diagnose(&machine, &still, &options(&recordings)).expect("the first joint moves");
+    assert!(found.cautions.iter().any(|own| own.starts_with("joint 2 does not move")), "{:?}", found.cautions);
 }
 
 const TWO: &str = "gain = [1.0, 1.0]\noffset = [0.0, 0.0]\n[[effect]]\nkind = \"backlash\"\njoint = 1\nhalf_width = 0.03\n\

@@ -158,3 +158,15 @@ fn a_second_formula_of_one_name_is_refused_before_anything_is_fitted() {
         folder.json("lab add own --effects m.toml --set joint=2 --model m.toml --data d.csv --out p.toml --json");
     assert_eq!(added["effect"], "own2", "{added}");
 }
+
+/// A standard error of zero would say that it is known exactly.
+#[test]
+fn a_formula_of_which_a_parameter_changes_nothing_is_refused_and_nothing_is_written() {
+    let folder = Folder::new("unseen");
+    folder.file("base.toml", HELD);
+    folder.file("run.csv", &data("time_s,u1_rad,u2_rad,y1_rad,y2_rad"));
+    let adding = "lab add formula --name shelf --hook joint --formula 'a * b * u_i' --model base.toml --data run.csv --out out.toml";
+    let told = folder.refused(&format!("{adding} --param a=0:1 --param b=0:1"));
+    assert!(told.contains("change nothing where its fit ended (a, b): begin with other values"), "{told}");
+    assert!(!folder.0.join("out.toml").exists());
+}
