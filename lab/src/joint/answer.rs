@@ -471,9 +471,17 @@ fn sentence(said: &Said) -> String {
         }
         Verdict::Unknown if lost.is_some() => lost.map_or(String::new(), |own| not_followed(own, said.names)),
         Verdict::Unknown => format!(
-            "something is missing that no known effects explain: {before:.3} {unit} remain after calibration beside {floor}"
+            "something is missing that no known effects explain: {before:.3} {unit} remain after calibration beside {floor}{}",
+            by_column(said.found)
         ),
     }
+}
+
+/// A column beside the motion that takes most of what remains.
+fn by_column(found: &[Found]) -> String {
+    let most = worst_rest(found).and_then(|own| own.proposals.first()).filter(|own| own.share > 0.5);
+    most.and_then(|own| own.column.as_ref().map(|(_, column)| (own.share, column)))
+        .map_or(String::new(), |(share, column)| format!(", and {column:?} takes {:.0} % of that", 100.0 * share))
 }
 
 /// Where a measurement has nothing of its command.

@@ -56,6 +56,9 @@ const BESIDE: f64 = 0.25;
 const LEVEL_OF_REST: f64 = 0.02;
 /// White noise cannot make an error of this ratio of the floor.
 const BEYOND_DOUBT: f64 = 1.1;
+/// A column that leaves less than this part of the mean square that the effects leave, with one gain beside the calibrated model, is what
+/// they imitate: they are hypotheses until it is in the model.
+const IMITATED: f64 = 0.5;
 
 /// What was found of one joint.
 pub(super) struct Found {
@@ -260,8 +263,15 @@ impl Case<'_> {
             if let Some(own) = of_column {
                 structured = true;
                 verdict = if n_known == 0 { Verdict::Unknown } else { Verdict::Partly };
-                let (name, p_value) = ("a column that was recorded beside the motion", structure.p_value);
-                structure.groups.insert(0, GroupShare { name, share: own.share, p_value });
+                structure.groups.insert(0, recorded_beside(own.share, structure.p_value));
+            }
+        }
+        if matches!(verdict, Verdict::Missing | Verdict::Partly) && !signal.columns.is_empty() {
+            let alone = of_rest(&base).into_iter().next().filter(|own| own.column.is_some());
+            let left = |own: &FormulaTerm| (1.0 - own.share) * before.mean_square;
+            if let Some(own) = alone.filter(|own| left(own) < IMITATED * after.mean_square) {
+                (verdict, structured) = (Verdict::Unknown, true);
+                structure.groups.insert(0, recorded_beside(own.share, structure.p_value));
             }
         }
         let seconds = scored_time_s(self.data);
@@ -331,6 +341,10 @@ impl Case<'_> {
     fn data_of(&self, signal: &Signal) -> &Measurements {
         if signal.n() == self.data.n_rows() { self.data } else { self.work }
     }
+}
+
+fn recorded_beside(share: f64, p_value: f64) -> GroupShare {
+    GroupShare { name: "a column that was recorded beside the motion", share, p_value }
 }
 
 /// What a joint may have. A gain and an offset that the model holds may be wrong; a curve of two terms is looked for only where

@@ -279,3 +279,17 @@ fn an_effect_that_makes_the_error_larger_is_not_asserted() {
         assert!(own.after < own.before, "{}: {} to {}: {}", own.name, own.before, own.after, found.sentence);
     }
 }
+
+/// A torque whose motion is much like the command's: two effects imitate a part of what it does, and it does all of it.
+#[test]
+fn effects_that_imitate_a_column_are_not_asserted_and_the_column_is_named() {
+    let u = slow(3000);
+    let torque_nm: Vec<f64> = lagged(&u, 0.6).iter().zip(&u).map(|(x, u)| 40.0 * (x - 0.3 * u * u)).collect();
+    let x: Vec<f64> = u.iter().zip(&torque_nm).map(|(u, tau)| u + 0.004 * tau).collect();
+    let mut data = record(&u, seen(&x, 1.1, NOISE_RAD, 3));
+    data.extra.push(("motor torque [Nm]".to_owned(), torque_nm));
+    let found = diagnosed(&data);
+    assert_eq!((found.verdict, found.effects.len()), (Verdict::Unknown, 0), "{}", found.sentence);
+    assert!(found.sentence.contains("\"motor torque [Nm]\" takes"), "{}", found.sentence);
+    assert!(found.proposals[0].column.as_ref().is_some_and(|(_, column)| column == "motor torque [Nm]"));
+}
