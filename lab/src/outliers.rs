@@ -10,20 +10,14 @@ pub(crate) fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
     let width = problem.data.n_outputs;
     let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
     let seen = Seen { problem, residual, rows: &rows, sigma };
-    // A joint that sticks and slips moves as suddenly as a burst begins, but stays near where it is told to go.
-    let reach = (problem.data.quantity == Quantity::Joints).then(|| seen.reach());
-    let may_begin = |first: usize| match (problem.data.quantity, &reach) {
-        _ if sigma <= 0.0 => false,
-        (Quantity::Snake | Quantity::Segments, _) => true,
-        (Quantity::Joints, Some(reach)) => seen.is_beyond(first, reach),
-        _ => false,
-    };
+    // A joint that sticks and slips, or that is seldom moved, goes as suddenly as a burst begins.
+    let has_bursts = sigma > 0.0 && matches!(problem.data.quantity, Quantity::Snake | Quantity::Segments);
     let (mut single, mut bursts): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
     let mut first = BESIDE;
     while first + BESIDE < rows.len() {
         let n = match seen.stand_out(first, 1) {
             true => 1,
-            false if may_begin(first) => seen.burst(first),
+            false if has_bursts => seen.burst(first),
             false => 0,
         };
         match n {
@@ -52,8 +46,6 @@ const BESIDE: usize = 2;
 const LONGEST_BURST_S: f64 = 0.3;
 /// Share of all rows that bursts may have.
 const MOST_IN_BURSTS: f64 = 0.03;
-/// Share of measured rows at either end of their order that may lie where a joint does not go.
-const OUTER: f64 = 0.05;
 /// Share of all ends of trials that may stand out, beside two: more of them are how a trial begins.
 const MOST_OF_ENDS: f64 = 0.25;
 
@@ -132,27 +124,6 @@ impl Seen<'_> {
             })
         };
         (0..BESIDE).find(is_out).map(|n| self.rows[places[n]])
-    }
-
-    /// Where each output goes, widened by half of it on both sides: as the model has it, and nearly all measured rows.
-    fn reach(&self) -> Vec<(f64, f64)> {
-        let of = |k: usize| {
-            let (low, high) = bounds((0..self.rows.len()).map(|place| self.measured(place, k) - self.at(place, k)));
-            let mut all: Vec<f64> = (0..self.rows.len()).map(|place| self.measured(place, k)).collect();
-            all.sort_by(f64::total_cmp);
-            let outer = (OUTER * all.len() as f64) as usize;
-            let (low, high) = match (all.get(outer), all.get(all.len().saturating_sub(outer + 1))) {
-                (Some(first), Some(last)) => (low.min(*first), high.max(*last)),
-                _ => (low, high),
-            };
-            (low - 0.5 * (high - low), high + 0.5 * (high - low))
-        };
-        (0..self.problem.data.n_outputs).map(of).collect()
-    }
-
-    /// Whether an output lies outside of these bounds.
-    fn is_beyond(&self, place: usize, reach: &[(f64, f64)]) -> bool {
-        reach.iter().enumerate().any(|(k, (low, high))| !(*low..=*high).contains(&self.measured(place, k)))
     }
 
     fn trial(&self, place: usize) -> u32 {
