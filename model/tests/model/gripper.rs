@@ -110,7 +110,7 @@ fn what_is_wrong_is_refused_in_one_sentence_with_line_and_key() {
         (latency, "line 8: effect latency cannot be compensated"),
         (of_snake, "stiffness-scale makes no sense for a machine of kind joints"),
         (learnt, "half_width is of the gripper's wire, which cannot be learnt"),
-        (free, "a number (\"free\" is for the effects of a snake)"),
+        (free, "a number (\"free\" is for the effects of a snake and of joints"),
     ] {
         let found = refused(&with(&text));
         assert!(found.contains(words) && !found.contains('\n'), "{words}: {found}");
