@@ -69,7 +69,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     let n_turns = std::env::var(OTHER_TURNS).map_or(TURNS, |turns| turns.parse().expect("a number of turns"));
     println!("load before: {}", load());
     let config = folder.file("config.toml");
-    let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "\"auto\"".to_owned());
+    let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "0".to_owned());
     println!("[realtime] priority = {priority}");
     std::fs::write(&config, format!("[realtime]\npriority = {priority}\n")).expect("written");
     let arguments = ["run", "--engage=again", "--instance", &instance, "--config", &config, "--recording", &recording];
