@@ -314,7 +314,7 @@ fn name_of(path: &Path) -> String {
 #[allow(clippy::expect_used, reason = "a panic is how a test fails")]
 mod tests {
     use super::*;
-    use krait_ipc::message::{HopStamps, MAX_ACTUATORS, MAX_JOINTS, Phase};
+    use krait_ipc::message::Phase;
     use krait_record::{About, RecordingWriter};
     use std::collections::BTreeMap;
 
@@ -323,22 +323,12 @@ mod tests {
         Setpoint {
             sequence: sample_ns.unsigned_abs(),
             sample_ns,
-            stamps: HopStamps::default(),
             input_sequence: 1,
             state_sequence: 1,
             bend_rad,
-            bend_vel_rad_per_s: [0.0; 2],
-            joints_rad: [0.0; MAX_JOINTS],
-            joints_vel_rad_per_s: [0.0; MAX_JOINTS],
-            q_tilde_vel_m_per_s: [0.0; MAX_ACTUATORS],
-            tip_pos_in_base_m: [0.0; 3],
             motion_scale: 1.0,
             phase: Phase::Following as u32,
-            reserved: 0,
-            n_actuators: 0,
-            n_joints: 0,
-            reasons: 0,
-            model_hash: 0,
+            ..Setpoint::default()
         }
     }
 

@@ -388,15 +388,13 @@ mod tests {
         let [said, told] = [&by_itself, &asked].map(|wish| in_a_thread(|| wish.apply(3, "main")));
         assert!(said.is_empty(), "{said:?}");
         // Where one is given, the other is.
-        let own = in_a_thread(|| {
-            by_itself.apply(3, "main");
-            crate::standing::Standing::of_this_thread()
-        });
-        let whole = in_a_thread(|| {
-            asked.apply(3, "main");
-            crate::standing::Standing::of_this_thread()
-        });
-        assert_eq!(own, whole);
+        let standing = |wish: &Realtime| {
+            in_a_thread(|| {
+                wish.apply(3, "main");
+                crate::standing::Standing::of_this_thread()
+            })
+        };
+        assert_eq!(standing(&by_itself), standing(&asked));
         assert!(told.len() <= 1, "{told:?}");
     }
 

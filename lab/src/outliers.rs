@@ -4,22 +4,18 @@ use crate::noise::{bounds, by_differences};
 use crate::{Problem, Quantity};
 
 /// Rows whose outputs stand out by more than [`STANDS_OUT`] standard deviations of the differences from what lies before and behind
-/// them: single ones, also at the ends of a trial, and bursts, as a tracker makes that has lost its mark for a moment.
+/// them: single ones, also at the ends of a trial, and of shapes bursts, as a tracker makes that has lost its mark for a moment.
 pub(crate) fn outliers(problem: &Problem, residual: &[f64]) -> Vec<usize> {
     let Some((sigma, _)) = by_differences(problem, residual) else { return Vec::new() };
     let width = problem.data.n_outputs;
     let rows: Vec<usize> = (0..problem.data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
     let seen = Seen { problem, residual, rows: &rows, sigma };
-    // A joint that sticks and slips, or that is seldom moved, goes as suddenly as a burst begins.
+    // Of a camera or a tracker: a joint that sticks and slips, or that is seldom moved, goes as suddenly as a burst begins.
     let has_bursts = sigma > 0.0 && matches!(problem.data.quantity, Quantity::Snake | Quantity::Segments);
     let (mut single, mut bursts): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
     let mut first = BESIDE;
     while first + BESIDE < rows.len() {
-        let n = match seen.stand_out(first, 1) {
-            true => 1,
-            false if has_bursts => seen.burst(first),
-            false => 0,
-        };
+        let n = if has_bursts { seen.burst(first) } else { usize::from(seen.stand_out(first, 1)) };
         match n {
             0 | 1 => single.extend((n == 1).then_some(rows[first])),
             _ => bursts.extend(&rows[first..first + n]),
@@ -65,11 +61,11 @@ impl Seen<'_> {
         let is_short = |behind: usize| {
             self.trial(first - 1) == self.trial(behind) && time_s(behind) - time_s(first - 1) <= LONGEST_BURST_S
         };
-        let may_end = |n: &usize| first + n + BESIDE <= self.rows.len() && is_short(first + n);
+        let may_end = |n: &usize| first + n + BESIDE <= self.rows.len() && (*n == 1 || is_short(first + n));
         if !self.leaves(first) {
             return 0;
         }
-        (2..).take_while(may_end).find(|n| self.stand_out(first, *n)).unwrap_or(0)
+        (1..).take_while(may_end).find(|n| self.stand_out(first, *n)).unwrap_or(0)
     }
 
     /// Whether an output leaves where it was from one row to this one.

@@ -163,7 +163,6 @@ pub(crate) fn length(bend: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use krait_ipc::message::{HopStamps, MAX_ACTUATORS, MAX_JOINTS};
 
     const S: i64 = 1_000_000_000;
 
@@ -199,22 +198,12 @@ mod tests {
         let resting = Setpoint {
             sequence: 1,
             sample_ns: S,
-            stamps: HopStamps::default(),
             input_sequence: 1,
             state_sequence: 1,
             bend_rad: [0.3, 0.0],
-            bend_vel_rad_per_s: [0.0; 2],
-            joints_rad: [0.0; MAX_JOINTS],
-            joints_vel_rad_per_s: [0.0; MAX_JOINTS],
-            q_tilde_vel_m_per_s: [0.0; MAX_ACTUATORS],
-            tip_pos_in_base_m: [0.0; 3],
             motion_scale: 1.0,
             phase: Phase::Following as u32,
-            reserved: 0,
-            n_actuators: 0,
-            n_joints: 0,
-            reasons: 0,
-            model_hash: 0,
+            ..Setpoint::default()
         };
         let mut joints = Setpoint { bend_vel_rad_per_s: [f64::NAN; 2], ..resting };
         assert!(!is_motion(&resting) && !is_motion(&joints));

@@ -2,8 +2,7 @@
 
 use core::time::Duration;
 use krait_ipc::message::{
-    DeviceState, HopStamps, JointValues, MAX_ACTUATORS, Message, OperatingState, OperatorInput, Phase, Setpoint, Shape,
-    SlaveState,
+    DeviceState, HopStamps, Message, OperatingState, OperatorInput, Phase, Setpoint, Shape, SlaveState,
 };
 use krait_ipc::{Bus, Reason, Writer, clock};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -53,26 +52,7 @@ impl ChainScene {
             n_drained: 0,
             n_refused: 0,
         };
-        let setpoint = Setpoint {
-            sequence: 0,
-            sample_ns: 0,
-            stamps: HopStamps::default(),
-            input_sequence: 0,
-            state_sequence: 0,
-            bend_rad: [0.0; 2],
-            bend_vel_rad_per_s: [0.0; 2],
-            joints_rad: JointValues::default(),
-            joints_vel_rad_per_s: JointValues::default(),
-            q_tilde_vel_m_per_s: [0.0; MAX_ACTUATORS],
-            tip_pos_in_base_m: [0.0; 3],
-            motion_scale: 1.0,
-            model_hash: 0,
-            phase: phase as u32,
-            reserved: 0,
-            n_actuators: 0,
-            n_joints: 0,
-            reasons: 0,
-        };
+        let setpoint = Setpoint { motion_scale: 1.0, phase: phase as u32, ..Setpoint::default() };
         Self { input: Some(input), setpoint: Some(setpoint), ..self }
     }
 }

@@ -93,7 +93,7 @@ fn power_that_the_page_s_server_asks_off_behind_an_unconfirmed_stop_goes_behind_
     let (instance, folder) = (instance_name("unconfirmed"), TempFolder::new("unconfirmed"));
     let (path, script) = (folder.file("run.mcap"), folder.file("hand.csv"));
     std::fs::write(&script, SCRIPT).expect("written");
-    let run = ["run", "--engage", "--console", "--compensation=naive", "--instance", &instance];
+    let run = ["run", "--engage=again", "--console", "--compensation=naive", "--instance", &instance];
     let mut krait =
         Krait::start(&[&run[..], &["--recording", &path, "--master", "script", "--input", &script]].concat());
     let console = Console::of(&mut krait);

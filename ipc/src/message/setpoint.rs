@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// The setpoint, a bend vector or positions of joints, and what follows from it without compensation.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ZeroCopySend)]
 #[type_name("krait.Setpoint")]
 pub struct Setpoint {
     /// Position on the channel, from 1.

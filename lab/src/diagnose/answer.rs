@@ -121,7 +121,20 @@ pub struct Diagnosis {
     pub seed: u64,
 }
 
+/// How the sentence begins where the columns are probably not what their names say.
+const COLUMNS_FIRST: &str = "the columns first";
+
+/// The sentence of columns that are probably not what their names say.
+pub(crate) fn columns_first(hint: &str) -> String {
+    format!("{COLUMNS_FIRST}: {hint}")
+}
+
 impl Diagnosis {
+    /// Whether the columns are probably not what their names say: nothing else is worth doing, and no motion mends that.
+    pub fn is_of_columns(&self) -> bool {
+        self.sentence.starts_with(COLUMNS_FIRST)
+    }
+
     /// Whether something of the machine beside its effects was fitted: errors are then those after calibration.
     pub fn is_calibrated(&self) -> bool {
         self.calibration.iter().any(|own| !own.is_held)

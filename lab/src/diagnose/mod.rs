@@ -61,6 +61,7 @@ mod working;
 
 pub(crate) use accept::mean_and_error;
 pub(crate) use alternatives::SAME;
+pub(crate) use answer::columns_first;
 pub use answer::{
     Calibration, CandidateAnswer, Diagnosis, FormulaTerm, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict,
 };

@@ -1,7 +1,9 @@
 //! The diagnosis from beginning to end.
 
 use super::accept::FOLDS;
-use super::answer::{CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict};
+use super::answer::{
+    CandidateAnswer, Diagnosis, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict, columns_first,
+};
 use super::beside::Shapes;
 use super::calibration::{calibration, inseparable};
 use super::findings::{Findings, run};
@@ -240,7 +242,7 @@ impl Case<'_> {
         let explained_share = floor.rms.filter(|_| !effects.is_empty()).map(|_| 1.0 - remaining.unexplained);
         Ok(Diagnosis {
             sentence: match &self.hint {
-                Some(hint) => format!("the columns first: {hint}"),
+                Some(hint) => columns_first(hint),
                 None if verdict == Verdict::TooShort => too_short(problem),
                 None => sentence(verdict, &effects, |_| String::new(), &remaining, after, floor.rms, unit),
             },

@@ -9,8 +9,8 @@ use super::still::hides_gain;
 use super::terms::{Values, name, term};
 use crate::diagnose::{
     Calibration, CandidateAnswer, DependsOn, DiagnoseOptions, Diagnosis, FEWEST_RECORDINGS, FoundEffect,
-    FoundParameter, GroupShare, ParameterVariation, Remaining, Structure, Verdict, cautions, disagreements, named,
-    next, separate_joints, stand_and_take, sure,
+    FoundParameter, GroupShare, ParameterVariation, Remaining, Structure, Verdict, cautions, columns_first,
+    disagreements, named, next, separate_joints, stand_and_take, sure,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::{LabError, Measurements, Names, Problem, Term};
@@ -430,7 +430,7 @@ struct Said<'a> {
 fn sentence(said: &Said) -> String {
     let Said { unit, before, after, .. } = said;
     if let Some(hint) = said.hints.first() {
-        return format!("the columns first: {hint}");
+        return columns_first(hint);
     }
     let floor =
         said.floor.map_or("an unknown noise floor".to_owned(), |floor| format!("a noise floor of {floor:.3} {unit}"));

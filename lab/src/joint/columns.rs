@@ -65,12 +65,12 @@ pub(super) fn check(machine: &JointsLab, data: &Measurements) -> Result<Hints, L
         }
     }
     let moved = order.iter().enumerate().filter_map(|(i, other)| other.map(|other| (other, i)));
-    let moved: Vec<(usize, usize)> = moved.collect();
+    let (joints, called): (Vec<usize>, Vec<usize>) = moved.unzip();
+    let mut sorted = joints.clone();
+    sorted.sort_unstable();
     // Each joint has one column, and none is left over.
-    if moved.iter().all(|(joint, _)| moved.iter().filter(|(other, _)| other == joint).count() == 1)
-        && moved.iter().all(|(joint, _)| moved.iter().any(|(_, called)| called == joint))
-    {
-        hints.order = moved;
+    if sorted == called {
+        hints.order = joints.into_iter().zip(called).collect();
     }
     Ok(hints)
 }

@@ -2,7 +2,7 @@
 
 use crate::diagnose::turns;
 use crate::machine::JointsLab;
-use crate::noise::bounds;
+use crate::noise::{bounds, is_still};
 use crate::{LabError, Measurements, Offered};
 use krait_model::Circumstances;
 use krait_model::joints::AtJoint;
@@ -264,11 +264,8 @@ impl Signal {
 
     /// Whether the joint was told to move and did: else nothing can be said of it.
     pub fn moves(&self) -> bool {
-        let spread = |values: &mut dyn Iterator<Item = f64>| {
-            let (low, high) = bounds(values);
-            high - low > 1e-9 * high.abs().max(low.abs()).max(1e-9)
-        };
-        spread(&mut self.base.iter().copied()) && spread(&mut self.rows.iter().map(|&row| self.measured[row]))
+        let measured = self.rows.iter().map(|&row| self.measured[row]);
+        !is_still(bounds(self.base.iter().copied())) && !is_still(bounds(measured))
     }
 
     /// Slowest and fastest rhythm that is looked for, Hz: slower ones are drift; of long records fewer, so that the grid stays small.

@@ -23,22 +23,12 @@ fn setpoint(now_ns: i64, tip_pos_in_base_m: [f64; 3]) -> Setpoint {
     Setpoint {
         sequence: 1,
         sample_ns: now_ns,
-        stamps: HopStamps::default(),
         input_sequence: 1,
         state_sequence: 1,
-        bend_rad: [0.0; 2],
-        bend_vel_rad_per_s: [0.0; 2],
-        joints_rad: [0.0; MAX_JOINTS],
-        joints_vel_rad_per_s: [0.0; MAX_JOINTS],
-        q_tilde_vel_m_per_s: lines([0.0; N_LINES]),
         tip_pos_in_base_m,
         motion_scale: 1.0,
-        model_hash: 0,
         phase: Phase::Following as u32,
-        reserved: 0,
-        n_actuators: 0,
-        n_joints: 0,
-        reasons: 0,
+        ..Setpoint::default()
     }
 }
 

@@ -83,22 +83,15 @@ pub fn setpoint_of(chain: &Chain, sequence: u64, bend_rad: [f64; 2]) -> Setpoint
     Setpoint {
         sequence,
         sample_ns: T0_NS + sequence as i64 * TICK_NS,
-        stamps: HopStamps::default(),
         input_sequence: sequence,
         state_sequence: sequence,
         bend_rad,
-        bend_vel_rad_per_s: [0.0; 2],
-        joints_rad: [0.0; 8],
-        joints_vel_rad_per_s: [0.0; 8],
-        q_tilde_vel_m_per_s: [0.0; 12],
         n_actuators: 3,
-        n_joints: 0,
         tip_pos_in_base_m: [0.0, 0.0, 0.026],
         motion_scale: 1.0,
         model_hash: chain.hash().0,
         phase: Phase::Following as u32,
-        reserved: 0,
-        reasons: 0,
+        ..Setpoint::default()
     }
 }
 

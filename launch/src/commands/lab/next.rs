@@ -20,7 +20,7 @@ pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Ses
     if let Some(next) = in_order {
         return next;
     }
-    if diagnosis.effects.is_empty() && !diagnosis.proposals.is_empty() && !is_of_columns(diagnosis) {
+    if diagnosis.effects.is_empty() && !diagnosis.proposals.is_empty() && !diagnosis.is_of_columns() {
         return formula(args, &diagnosis.proposals, session);
     }
     match diagnosis.verdict {
@@ -44,7 +44,7 @@ pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Ses
         // Nothing runs such a model, a force's or one of columns.
         Verdict::None => said("in pictures: ", vec![words("compare", &args.files, model, "--report fit.html")]),
         Verdict::TooShort | Verdict::Unknown
-            if args.experiment.is_none() && has_motions(&session.file) && !is_of_columns(diagnosis) =>
+            if args.experiment.is_none() && has_motions(&session.file) && !diagnosis.is_of_columns() =>
         {
             said(
                 "a motion that would show more: ",
@@ -175,11 +175,6 @@ fn better(model: &Path, written: &[PathBuf]) -> PathBuf {
         .map(|n| model.with_file_name(name(n)))
         .find(|path| !taken(path))
         .unwrap_or_else(|| model.with_file_name(name(1)))
-}
-
-/// Whether the columns are probably not what their names say: no motion mends that.
-fn is_of_columns(diagnosis: &Diagnosis) -> bool {
-    diagnosis.sentence.starts_with("the columns first")
 }
 
 /// Whether the lab makes motions for a machine of this kind.
