@@ -1,6 +1,7 @@
 //! The command line of `krait model`.
 
 use clap::{Args, Subcommand};
+use krait_lab::read::Mapping;
 use std::path::PathBuf;
 
 /// What to do with a model file.
@@ -19,7 +20,7 @@ pub enum ModelVerb {
     SaveLearnt(SaveLearntArgs),
     /// Turns a table of setpoints into a table of commands, for a controller that krait does not drive.
     #[command(
-        after_help = "Examples:\n  krait model compensate better.toml --in setpoints.csv --out commands.csv\n  krait model compensate docs/joints/wrist.toml --in wrist.csv --out commands.csv\n\nColumns of a snake: time_s, bend_x_rad, bend_y_rad (or _deg); of segments: time_s, bend1_rad, plane1_rad, bend2_rad ... (or _deg); of joints: time_s, y1_<unit>, y2_<unit> ... in the model's unit"
+        after_help = "Examples:\n  krait model compensate better.toml --in setpoints.csv --out commands.csv\n  krait model compensate docs/joints/wrist.toml --in wrist.csv --out commands.csv\n\nColumns of a snake: time_s, bend_x_rad, bend_y_rad (or _deg); of segments: time_s, bend1_rad, plane1_rad, bend2_rad ... (or _deg); of joints: time_s, y1_<unit>, y2_<unit> ... in the model's unit or any other of the same quantity. Stamps since 1970 are counted from the first row"
     )]
     Compensate(CompensateArgs),
     /// Lets a chain that runs go on with another model file of the same machine; it holds still until the operator takes hold anew.
@@ -48,9 +49,12 @@ pub struct CompensateArgs {
     /// The model file (TOML), or the name of a built-in one: off, naive, estimated.
     #[arg(value_name = "MODEL")]
     pub model: PathBuf,
-    /// The table of setpoints (CSV): a time and a position in each row.
+    /// The table of setpoints: a time and a position in each row; CSV in any dialect, Parquet or a MATLAB file of level 5.
     #[arg(long = "in", value_name = "FILE")]
     pub setpoints: PathBuf,
+    /// The file's own name and unit for a column, again for each: y1_rad=Jaw:deg.
+    #[arg(long = "map", value_name = "COLUMN=NAME[:UNIT]")]
+    pub map: Vec<Mapping>,
     /// The new table: time, setpoints and commands.
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,

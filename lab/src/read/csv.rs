@@ -1,11 +1,11 @@
 //! Rows of a CSV file into columns of numbers, each cell checked where it stands.
 
+use super::ReadError;
 use super::at::At;
 use super::cells::Cell;
 use super::dialect::Dialect;
-use super::header::plan;
+use super::header::Plan;
 use super::rows::{Rows, Table};
-use super::{ColumnMap, Expected, ReadError};
 use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
@@ -71,10 +71,14 @@ impl<'a, R: Read> Opened<'a, R> {
     }
 }
 
-/// Reads a whole file.
-pub(super) fn read(path: &Path, source: impl Read, map: &ColumnMap, expected: Expected) -> Result<Table, ReadError> {
+/// Reads a whole file, with the plan that is made of its names.
+pub(super) fn read(
+    path: &Path,
+    source: impl Read,
+    plan: impl FnOnce(At, &[String]) -> Result<Plan, ReadError>,
+) -> Result<Table, ReadError> {
     let mut file = Opened::new(path, source)?;
-    let plan = plan(path, At::Line(1), &file.names, map, expected)?;
+    let plan = plan(At::Line(1), &file.names)?;
     let mut rows = Rows::new(path, plan, file.dialect.numbers());
     while let Some((line, record)) = file.row()? {
         rows.push(At::Line(line), |field| Cell::of_text(record.get(field).unwrap_or_default()))?;

@@ -1,13 +1,13 @@
 //! A table from a file that is no text: columns with their names, and how they become checked rows.
 
+use super::ReadError;
 use super::at::At;
 use super::cells::Cell;
 use super::dialect::Dialect;
-use super::header::plan;
+use super::header::Plan;
 use super::look::{Look, Looked};
 use super::role::Role;
 use super::rows::{Rows, Table};
-use super::{ColumnMap, Expected, ReadError};
 use std::path::Path;
 
 /// Numbers that a table may have, 80 MB: what unpacks to more fills no memory. Other cells weigh more ([`GridCells::WHOLE`]).
@@ -106,10 +106,14 @@ impl Grid {
         self.columns.first().map_or(0, |column| column.cells.len())
     }
 
-    /// Every row, checked as the rows of a CSV file are.
-    pub(super) fn read(&self, path: &Path, map: &ColumnMap, expected: Expected) -> Result<Table, ReadError> {
+    /// Every row, checked as the rows of a CSV file are, with the plan that is made of the names.
+    pub(super) fn read(
+        &self,
+        path: &Path,
+        plan: impl FnOnce(At, &[String]) -> Result<Plan, ReadError>,
+    ) -> Result<Table, ReadError> {
         let names: Vec<String> = self.columns.iter().map(|column| column.name.clone()).collect();
-        let plan = plan(path, At::Names, &names, map, expected)?;
+        let plan = plan(At::Names, &names)?;
         let needed: Vec<usize> = plan.columns.iter().filter(|column| is_needed(column.role)).map(|c| c.field).collect();
         let mut rows = Rows::new(path, plan, COMMA.numbers());
         let mut standing: Vec<Option<usize>> = vec![None; self.columns.len()];

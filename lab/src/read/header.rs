@@ -54,9 +54,7 @@ pub(super) fn plan(
     map: &ColumnMap,
     expected: Expected,
 ) -> Result<Plan, ReadError> {
-    let header = Header { path, at, names };
-    header.no_name_twice()?;
-    let names = &header.left_in(map)?;
+    let names = &Header { path, at, names }.left_in(map)?;
     let header = Header { path, at, names };
     let wanted = expected.wanted();
     targets_exist(map, &wanted)?;
@@ -108,6 +106,24 @@ pub(super) fn plan(
     Ok(Plan { columns, n_inputs, n_outputs })
 }
 
+/// Finds columns among a file's names, each of which must be there; others are passed over.
+pub(super) fn required(
+    path: &Path,
+    at: At,
+    names: &[String],
+    map: &ColumnMap,
+    wanted: &[Wanted],
+) -> Result<Plan, ReadError> {
+    let names = &Header { path, at, names }.left_in(map)?;
+    let header = Header { path, at, names };
+    targets_exist(map, wanted)?;
+    header.no_further(wanted)?;
+    let found = |one: &Wanted| header.find(one, map)?.ok_or_else(|| header.missing(one));
+    let mut columns = wanted.iter().map(found).collect::<Result<Vec<_>, _>>()?;
+    columns.sort_by_key(|column| column.field);
+    Ok(Plan { columns, n_inputs: wanted.len() - 1, n_outputs: 0 })
+}
+
 struct Header<'a> {
     path: &'a Path,
     at: At,
@@ -124,8 +140,9 @@ impl Header<'_> {
         Ok(())
     }
 
-    /// The names, empty where a column is taken out.
+    /// The names, each once, empty where a column is taken out.
     fn left_in(&self, map: &ColumnMap) -> Result<Vec<String>, ReadError> {
+        self.no_name_twice()?;
         let mut left = self.names.to_vec();
         for mapping in map.mappings.iter().filter(|mapping| mapping.takes_out()) {
             match left.iter_mut().find(|name| **name == mapping.source) {
@@ -247,6 +264,27 @@ impl Header<'_> {
         }
         let beyond = (n_lines + 1..=99).take_while(|k| has_more && self.has_base(&format!("tau{k}"))).count();
         Err(ReadError::Loads { path: self.path.to_owned(), at: self.at, found: found.len() + beyond, n_lines })
+    }
+
+    /// No column is of one more joint or segment than is wanted.
+    fn no_further(&self, wanted: &[Wanted]) -> Result<(), ReadError> {
+        let numbered = |base: &str| {
+            let stem = base.trim_end_matches(|letter: char| letter.is_ascii_digit());
+            Some((stem.to_owned(), base.get(stem.len()..)?.parse::<usize>().ok()?))
+        };
+        let is_wanted = |base: &str| wanted.iter().any(|own| own.base == base);
+        let beyond = wanted.iter().filter_map(|one| numbered(&one.base)).map(|(stem, k)| format!("{stem}{}", k + 1));
+        let Some(found) = beyond.filter(|base| !is_wanted(base)).find(|base| self.has_base(base)) else {
+            return Ok(());
+        };
+        Err(ReadError::OtherMachine {
+            path: self.path.to_owned(),
+            found: format!("there is a column of {found}"),
+            expected: format!(
+                "a machine with {} alone",
+                wanted.iter().skip(1).map(Wanted::name).collect::<Vec<_>>().join(", ")
+            ),
+        })
     }
 
     /// Whether the names are those of the expected machine, as far as names tell.

@@ -21,6 +21,7 @@ mod recording;
 mod role;
 mod ros;
 mod rows;
+mod setpoints;
 mod stamps;
 mod table;
 mod unit;
@@ -37,6 +38,7 @@ pub(crate) use look::{Look, Looked, look};
 pub(crate) use merge::merged;
 pub use recording::joint_scale;
 pub(crate) use role::{N_LINES, force_names};
+pub use setpoints::{Setpoints, setpoints};
 pub(crate) use stamps::EPOCH_S;
 pub(crate) use unit::{Dimension, Unit};
 pub(crate) use wrap::Turns;
@@ -160,16 +162,17 @@ enum Content {
 fn read_table(path: &Path, map: &ColumnMap, expected: Expected) -> Result<Content, ReadError> {
     let failed = |source| ReadError::Io { path: path.to_owned(), source };
     let Found { mut file, format } = Format::of(path)?;
+    let plan = |at, names: &[String]| header::plan(path, at, names, map, expected);
     match format {
         Format::Krait => Ok(Content::Whole(Box::new(recording::read(path, file, map, expected)?))),
         Format::Csv => {
             input::check_size(&file, input::TABLE_BYTES).map_err(failed)?;
             let mut hashing = Hashing { source: file, hash: Sha256::new() };
-            let table = csv::read(path, &mut hashing, map, expected)?;
+            let table = csv::read(path, &mut hashing, plan)?;
             Ok(Content::Table(table, hex(hashing.hash)))
         }
         Format::Grid(grid) => {
-            let table = grid(path, file.try_clone().map_err(failed)?)?.read(path, map, expected)?;
+            let table = grid(path, file.try_clone().map_err(failed)?)?.read(path, plan)?;
             file.rewind().map_err(failed)?;
             Ok(Content::Table(table, sha256(path, file)?))
         }

@@ -1,6 +1,6 @@
 //! What a column can stand for: its name without a unit, its quantity, and the values that it can have.
 
-use super::unit::Dimension;
+use super::unit::{Dimension, Unit};
 use krait_model::model_file::{ForceMachine, ForceUnit};
 use std::f64::consts::PI;
 
@@ -87,13 +87,6 @@ pub(super) fn snake() -> Vec<Wanted> {
 
 /// The columns of `n` joints in these units.
 pub(super) fn joints(n: usize, u_unit: &str, y_unit: &str) -> Vec<Wanted> {
-    let column = |role, base: String, unit: &str, limit| Wanted {
-        role,
-        base,
-        dimension: super::unit::Unit::from_suffix(unit).map(|u| u.dimension).or(Some(Dimension::Number)),
-        unit: unit.to_ascii_lowercase(),
-        limit,
-    };
     // Two turns: an instrument's roll makes more than one.
     let y_limit = match y_unit {
         "rad" => Some((4.0 * PI, "no angle of a joint in radians: more than two turns")),
@@ -119,6 +112,12 @@ pub(super) fn segments(n_lines: usize, n_bends: usize) -> Vec<Wanted> {
     wanted.push(angle(Role::Sigma, "sigma_y", Some((PI, "no standard deviation of a bend in radians"))));
     wanted.push(plain(Role::Weight, "weight"));
     wanted
+}
+
+/// A column in a unit of the user's, which need not be one that can be converted.
+fn column(role: Role, base: String, unit: &str, limit: Option<(f64, &'static str)>) -> Wanted {
+    let dimension = Unit::from_suffix(unit).map(|unit| unit.dimension).or(Some(Dimension::Number));
+    Wanted { role, base, dimension, unit: unit.to_ascii_lowercase(), limit }
 }
 
 /// How the columns of a force begin, and their unit: `tau1_nm`, `i1_a`.
@@ -157,7 +156,13 @@ fn load(i: usize) -> Wanted {
     }
 }
 
-fn time() -> Wanted {
+/// A position that is wanted, by its name with a unit: `y1_rad`.
+pub(super) fn named((k, name): (usize, &String)) -> Wanted {
+    let (base, unit) = name.rsplit_once('_').unwrap_or((name, ""));
+    column(Role::Input(k), base.to_owned(), unit, None)
+}
+
+pub(super) fn time() -> Wanted {
     let (base, unit) = ("time".to_owned(), "s".to_owned());
     Wanted { role: Role::Time, base, dimension: Some(Dimension::Time), unit, limit: None }
 }

@@ -8,20 +8,16 @@ use crate::commands::model::text_of;
 use crate::commands::model_compensate_segments::{SegmentInverse, TableLoads};
 use crate::commands::overwrite::refuse_existing;
 use crate::print;
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, anyhow};
 use core::fmt::Write;
 use krait_bridge::LiveModel;
-use krait_ipc::input;
+use krait_lab::read::setpoints;
 use krait_model::Circumstances;
 use krait_model::joints::{JointCompensator, JointInverseSettings};
 use krait_model::model_file::{Machine, ModelFile};
 use nalgebra::Vector2;
 use serde::Serialize;
-use std::path::Path;
 use std::process::ExitCode;
-
-/// Largest table, bytes.
-const MAX_BYTES: u64 = 256 * 1024 * 1024;
 
 /// What was written, as `--json` prints it.
 #[derive(Serialize)]
@@ -43,17 +39,18 @@ pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, "csv", args.force)?;
     let file = ModelFile::parse(&text_of(&args.model)?).with_context(|| args.model.display().to_string())?;
     let mut inverse = Inverse::of(&file).with_context(|| args.model.display().to_string())?;
-    let text = input::text(&args.setpoints, MAX_BYTES).with_context(|| args.setpoints.display().to_string())?;
-    let rows = rows(&args.setpoints, &text, &inverse)?;
+    let map = args.map.iter().cloned().collect();
+    let setpoints = setpoints(&args.setpoints, &map, &inverse.wanted)?;
     let mut table = format!("time_s,{},{}\n", inverse.wanted.join(","), inverse.commanded.join(","));
     let (mut largest_correction, mut rows_not_reached) = (0.0_f64, 0);
-    for row in &rows {
-        let found = inverse.step(row.time_s, &row.wanted);
-        let found = found.map_err(|why| anyhow!("{}, line {}: {why}", args.setpoints.display(), row.line))?;
+    for (row, &time_s) in setpoints.time_s.iter().enumerate() {
+        let wanted: Vec<f64> = setpoints.columns.iter().map(|column| column[row]).collect();
+        let found = inverse.step(time_s, &wanted);
+        let found = found.map_err(|why| anyhow!("{} row {}: {why}", args.setpoints.display(), row + 1))?;
         rows_not_reached += usize::from(!found.is_reached);
         largest_correction = largest_correction.max(found.correction);
-        write!(table, "{}", row.time_s)?;
-        for value in row.wanted.iter().chain(&found.commands) {
+        write!(table, "{time_s}")?;
+        for value in wanted.iter().chain(&found.commands) {
             write!(table, ",{value}")?;
         }
         table.push('\n');
@@ -61,7 +58,7 @@ pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
     std::fs::write(&args.out, table).with_context(|| format!("{} could not be written", args.out.display()))?;
     let (out, unit) = (args.out.display().to_string(), inverse.unit.clone());
     let loads = inverse.loads();
-    let answer = Compensated { out, rows: rows.len(), largest_correction, unit, rows_not_reached, loads };
+    let answer = Compensated { out, rows: setpoints.time_s.len(), largest_correction, unit, rows_not_reached, loads };
     if args.json {
         print::json(&answer)?;
     } else {
@@ -162,61 +159,4 @@ impl Inverse {
             Kind::Snake { .. } | Kind::Joints(_) => None,
         }
     }
-}
-
-/// One row of setpoints.
-struct Row {
-    line: usize,
-    time_s: f64,
-    wanted: Vec<f64>,
-}
-
-fn rows(path: &Path, text: &str, inverse: &Inverse) -> anyhow::Result<Vec<Row>> {
-    let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line)).filter(|(_, line)| !line.trim().is_empty());
-    let file = path.display();
-    let Some((_, header)) = lines.next() else {
-        bail!("{file}: it is empty; a first line of column names is expected")
-    };
-    let names: Vec<&str> = header.split(',').map(str::trim).collect();
-    let mut places = vec![column(path, &names, "time_s")?];
-    for wanted in &inverse.wanted {
-        places.push(column(path, &names, wanted)?);
-    }
-    let mut rows: Vec<Row> = Vec::new();
-    for (line, text) in lines {
-        let cells: Vec<&str> = text.split(',').map(str::trim).collect();
-        let value = |&(place, scale): &(usize, f64)| -> anyhow::Result<f64> {
-            let cell = cells.get(place).copied().unwrap_or_default();
-            let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
-            let name = names[place];
-            Ok(scale
-                * value.with_context(|| format!("{file}, line {line}, {name}: expected a number, found {cell:?}"))?)
-        };
-        let values = places.iter().map(value).collect::<anyhow::Result<Vec<f64>>>()?;
-        let (time_s, wanted) = (values[0], values[1..].to_vec());
-        if let Some(before) = rows.last().filter(|before| before.time_s >= time_s) {
-            bail!(
-                "{file}, line {line}, time_s: {time_s} does not come after the {} before it; sort the rows",
-                before.time_s
-            );
-        }
-        rows.push(Row { line, time_s, wanted });
-    }
-    if rows.is_empty() {
-        bail!("{file}: it holds no rows behind its column names");
-    }
-    Ok(rows)
-}
-
-/// Place of a column, and what its values are multiplied by: a name that ends in `_rad` is found as `_deg` too.
-fn column(path: &Path, names: &[&str], wanted: &str) -> anyhow::Result<(usize, f64)> {
-    let in_degrees = wanted.strip_suffix("_rad").map(|base| format!("{base}_deg"));
-    let find = |name: &str| names.iter().position(|own| *own == name);
-    if let Some(place) = find(wanted) {
-        return Ok((place, 1.0));
-    }
-    if let Some(place) = in_degrees.as_deref().and_then(find) {
-        return Ok((place, 1f64.to_radians()));
-    }
-    bail!("{}: it has no column {wanted}; its columns are {}", path.display(), names.join(", "))
 }
