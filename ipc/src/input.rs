@@ -69,6 +69,11 @@ pub fn text_from(source: &mut impl Read, max_bytes: u64) -> io::Result<String> {
     })
 }
 
+/// What stands behind the mark with which some programs begin a text of UTF-8.
+pub fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text)
+}
+
 /// A file may grow while it is read, and a stream says its length to nobody.
 fn bytes_from(source: &mut impl Read, max_bytes: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();

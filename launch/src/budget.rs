@@ -171,7 +171,8 @@ impl BudgetWatch {
         let hops = found.hops.iter().zip(self.budget.hops()).zip(self.n_late_hops);
         let hops: Vec<Kept> =
             hops.map(|((hop, allowed), n_late)| Kept::new(hop.from, hop.to, hop.quantiles, &allowed, n_late)).collect();
-        let is_kept = end_to_end.is_kept && hops.iter().all(|hop| hop.is_kept);
+        // What nobody has measured was not kept.
+        let is_kept = self.log.n_samples() > 0 && end_to_end.is_kept && hops.iter().all(|hop| hop.is_kept);
         BudgetReport { is_kept, n_samples: self.log.n_samples(), end_to_end, hops }
     }
 }
@@ -223,6 +224,9 @@ impl BudgetReport {
     pub fn text(&self) -> String {
         if self.is_kept {
             return format!("Budget: kept by all {} samples\n", self.n_samples);
+        }
+        if self.n_samples == 0 {
+            return "Budget: not measured, since nothing moved; engage the chain\n".to_owned();
         }
         let mut text = String::from("Budget: not kept\n");
         for way in core::iter::once(&self.end_to_end).chain(&self.hops).filter(|way| !way.is_kept) {

@@ -265,7 +265,7 @@ pub struct RunArgs {
     #[arg(long)]
     pub no_recording: bool,
     /// End after this time, s; without it the chain runs until Ctrl-C.
-    #[arg(long)]
+    #[arg(long, value_parser = seconds, allow_negative_numbers = true)]
     pub seconds: Option<f64>,
     /// Exit code 1 if the latency budget was not kept.
     #[arg(long)]
@@ -278,6 +278,12 @@ pub struct RunArgs {
     /// Print the figures as JSON on standard output at the end.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A time in seconds that comes to an end.
+fn seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| value.is_finite() && *value >= 0.0);
+    value.ok_or_else(|| "expected a number of seconds, 0 or more".to_owned())
 }
 
 /// Where the operator's motion comes from.

@@ -44,6 +44,7 @@ mod terminal;
 use anyhow::Context;
 use clap::Parser;
 use cli::{Cli, Verb};
+use commands::overwrite::refuse_other_ending;
 use krait_ipc::clock;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -120,5 +121,11 @@ fn recording_path(given: Option<&Path>, what: &str) -> anyhow::Result<PathBuf> {
             Path::new("recordings").join(format!("{now}-{what}-{pid}.mcap"))
         }
     };
+    refuse_other_ending(&path, "mcap", "")?;
+    anyhow::ensure!(
+        !path.exists(),
+        "{} exists already and a recording never overwrites one; move it away or choose another path",
+        path.display()
+    );
     std::path::absolute(&path).with_context(|| format!("recording {}", path.display()))
 }

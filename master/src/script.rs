@@ -105,6 +105,7 @@ impl Script {
     /// # Errors
     /// [`MasterError::Script`] for the first field that is wrong.
     pub fn parse(file: &str, bytes: &[u8]) -> Result<Self, MasterError> {
+        let bytes = krait_ipc::input::without_mark(bytes);
         let (mut columns, mut rows) = (None, Vec::new());
         for (line_idx, line) in bytes.split(|b| *b == b'\n').enumerate() {
             let line = line.trim_ascii();

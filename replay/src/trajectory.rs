@@ -108,6 +108,7 @@ impl Trajectory {
     /// # Errors
     /// As [`Trajectory::load`].
     pub fn parse(file: &str, bytes: &[u8], limits: &TrajectoryLimits<'_>) -> Result<Self, TrajectoryError> {
+        let bytes = krait_ipc::input::without_mark(bytes);
         let (mut header, mut knots) = (None, Vec::<Knot>::new());
         for (line_idx, line) in bytes.split(|b| *b == b'\n').enumerate() {
             let text = String::from_utf8_lossy(line);

@@ -219,7 +219,13 @@ fn a_recording_is_never_overwritten_and_a_bad_place_is_named() {
     let ended = Ended::of(&["run", "--instance", &instance, "--recording", &path], PATIENCE);
     assert_eq!(ended.code, Some(2));
     assert_says(ended.sentence(), &["precious.mcap", "exists already"]);
+    // Whatever fails afterwards, a file that was not this run's own is left alone.
+    let flick = concat!(env!("CARGO_MANIFEST_DIR"), "/recordings/flick.mcap");
+    let ended = Ended::of(&["replay", flick, "--to", "1", "--instance", &instance, "--recording", &path], PATIENCE);
+    assert_eq!(ended.code, Some(2));
+    assert_says(ended.sentence(), &["precious.mcap", "exists already"]);
     assert_eq!(fs::read(&path).expect("still there"), b"precious");
+    assert_says(&refused(&["--recording", &folder.file("run.csv")]), &["run.csv", ".mcap"]);
     assert_says(&refused(&["--recording", "/proc/krait/run.mcap"]), &["/proc/krait/run.mcap"]);
 }
 

@@ -38,6 +38,14 @@ fn a_snakes_and_a_wrists_setpoints_become_their_commands() {
         assert!((top[3] - plain_m).abs() <= correction_m + 1e-12 && top[3] <= plain_m + 1e-12, "{model}: {top:?}");
     }
 
+    // The same in the dialect of a spreadsheet of another country.
+    std::fs::write(&setpoints, "\u{feff}Zeit [ms];X;Y\r\n0;40,0;0\r\n10;39,5;0\r\n").expect("written");
+    let names = ["--map", "time_s=Zeit [ms]:ms", "--map", "bend_x_rad=X:deg", "--map", "bend_y_rad=Y:deg"];
+    let asked = ["model", "compensate", "naive", "--json", "--in", &setpoints, "--out", &out, "--force"];
+    assert_eq!(krait_json(&[&asked[..], &names].concat())["rows"], 2);
+    let (_, rows) = table(&out);
+    assert_eq!((rows[1][0], rows[1][1]), (0.01, 39.5_f64.to_radians()));
+
     let still: String = (0..50).map(|k| format!("{},0.1,0.0,-0.1\n", f64::from(k) * 0.01)).collect();
     std::fs::write(&setpoints, format!("time_s,y1_rad,y2_rad,y3_rad\n{still}")).expect("written");
     let done = krait_json(&["model", "compensate", WRIST, "--json", "--in", &setpoints, "--out", &out, "--force"]);
@@ -54,13 +62,14 @@ fn tables_that_cannot_be_used_are_refused_in_one_sentence_and_nothing_is_written
     let (setpoints, out) = (folder.file("setpoints.csv"), folder.file("commands.csv"));
     let header = "time_s,bend_x_rad,bend_y_rad\n";
     for (text, words) in [
-        (String::new(), "it is empty"),
-        (header.to_owned(), "holds no rows"),
-        ("time_s,bend_x_rad\n0,0\n".to_owned(), "no column bend_y_rad"),
-        (format!("{header}0,0,0\n0.1,x,0\n"), "line 3, bend_x_rad: expected a number, found \"x\""),
-        (format!("{header}0,0,0\n0.1,NaN,0\n"), "line 3, bend_x_rad: expected a number"),
-        (format!("{header}0,0,0\n0,0,0\n"), "line 3, time_s: 0 does not come after"),
-        (format!("{header}0,0,0\n0.1,9,0\n"), "line 3: the bend is larger than"),
+        (String::new(), "the file is empty"),
+        (header.to_owned(), "there are no rows"),
+        ("time_s,bend_x_rad\n0,0\n".to_owned(), "column bend_y_rad is missing"),
+        (format!("{header}0,0,0\n0.1,x,0\n"), "line 3, column bend_x_rad: \"x\" is no finite number"),
+        (format!("{header}0,0,0\n0.1,NaN,0\n"), "line 3, column bend_x_rad: \"NaN\" is no finite number"),
+        (format!("{header}0,0,0\n0,0,0\n"), "line 3, column time_s, time 0 s is the same as the 0 s"),
+        ("time_s,bend_x_rad,bend_x_deg,bend_y_rad\n0,0,0,0\n".to_owned(), "both give bend_x_rad"),
+        (format!("{header}0,0,0\n0.1,9,0\n"), "row 2: the bend is larger than"),
     ] {
         std::fs::write(&setpoints, &text).expect("written");
         let ended = Ended::of(&["model", "compensate", "naive", "--in", &setpoints, "--out", &out], PATIENCE);
@@ -68,4 +77,9 @@ fn tables_that_cannot_be_used_are_refused_in_one_sentence_and_nothing_is_written
         assert!(ended.sentence().contains(words), "{text:?}: {}", ended.sentence());
         assert!(!std::path::Path::new(&out).exists(), "nothing is written");
     }
+    std::fs::write(&setpoints, format!("{header}0,0,0\n")).expect("written");
+    let asked = ["model", "compensate", "naive", "--in", &setpoints, "--out", &setpoints, "--force"];
+    let ended = Ended::of(&asked, PATIENCE);
+    assert!(ended.code == Some(2) && ended.sentence().contains("named as --in and as --out"), "{}", ended.stderr);
+    assert_eq!(std::fs::read_to_string(&setpoints).expect("there"), format!("{header}0,0,0\n"));
 }

@@ -18,6 +18,7 @@ pub use answer::Answer;
 pub use kind::{KINDS, Kind};
 pub use motion::Motion;
 pub use noise::NoiseKind;
+pub(crate) use quiz::OF_LARGEST;
 pub use quiz::{Difficulty, Judgement, Quiz};
 pub use seal::{SealError, Sealed, base_model, is_unmodified};
 

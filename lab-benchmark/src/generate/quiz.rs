@@ -1,7 +1,7 @@
 //! Riddles for learners: one effect is hidden, a few names stand to choose from, and a guess is judged.
 
 use super::random::{Purpose, Random};
-use super::{Answer, KINDS, Kind};
+use super::{Answer, GenerateError, Generated, KINDS, Kind, Recipe, generate};
 
 /// Names to choose from.
 const N_CHOICES: usize = 4;
@@ -40,6 +40,9 @@ impl Difficulty {
     }
 }
 
+/// Part of the largest size that an effect can have, where that is less than the riddle's.
+pub(crate) const OF_LARGEST: f64 = 0.95;
+
 /// What is hidden, how large, and the names to choose from, in the order of the alphabet.
 #[derive(Clone, Debug)]
 pub struct Quiz {
@@ -67,6 +70,18 @@ impl Quiz {
         let mut choices: Vec<&str> = asked.iter().map(|kind| kind.right[0]).collect();
         choices.sort_unstable();
         Self { kind, size: level.size().min(kind.most_size), choices }
+    }
+
+    /// The data of a seed. What cannot be as large as asked for is nearly as large as it can be.
+    ///
+    /// # Errors
+    /// [`GenerateError`].
+    pub fn generate(&self, seed: u64) -> Result<Generated, GenerateError> {
+        let of_size = |size: f64| generate(&Recipe { hidden: vec![(self.kind, size)], seed, ..Recipe::default() });
+        match of_size(self.size) {
+            Err(GenerateError::TooLarge { found, .. }) => of_size(OF_LARGEST * found),
+            made => made,
+        }
     }
 }
 
@@ -113,7 +128,6 @@ impl Answer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::{Recipe, generate};
     use std::collections::BTreeSet;
 
     #[test]
@@ -127,6 +141,14 @@ mod tests {
             asked.insert(riddle.kind.name);
         }
         assert!(asked.len() > 20, "{asked:?}");
+    }
+
+    #[test]
+    fn an_effect_that_cannot_be_as_large_is_asked_for_all_the_same() {
+        let riddle = Quiz::new(113, Difficulty::Easy);
+        let made = generate(&Recipe { hidden: vec![(riddle.kind, riddle.size)], seed: 113, ..Recipe::default() });
+        assert!(matches!(made, Err(GenerateError::TooLarge { .. })), "the seed asks for more than there is");
+        assert_eq!(riddle.generate(113).expect("made").answer.judge(&[riddle.kind.right[0]]), Judgement::Right);
     }
 
     #[test]

@@ -1,13 +1,11 @@
 //! Riddles on segments in series: one effect of one segment, of all or of the picture is hidden, and a few names stand to choose from.
 
 use super::{SegmentKind, SegmentsRecipe, segments};
-use crate::generate::{Difficulty, GenerateError, Generated, Purpose, Random};
+use crate::generate::{Difficulty, GenerateError, Generated, OF_LARGEST, Purpose, Random};
 use krait_sim::SegmentsTruth;
 
 /// Names to choose from.
 const N_CHOICES: usize = 4;
-/// Part of the largest size that an effect can have, where that is less than the riddle's.
-const OF_LARGEST: f64 = 0.95;
 
 /// What is hidden, how large, and the names to choose from, in the order of the alphabet.
 #[derive(Clone, Debug)]

@@ -10,6 +10,7 @@ mod plan;
 mod script;
 mod separation;
 
+pub use script::BEGINS;
 pub use separation::{Pair, Separation};
 
 use crate::diagnose::{Diagnosis, FoundEffect};

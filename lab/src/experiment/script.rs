@@ -5,12 +5,15 @@ use crate::LabError;
 use core::fmt::Write;
 use nalgebra::{Vector2, Vector3};
 
+/// How every script begins, by which it is known as one of the lab's.
+pub const BEGINS: &str = "# The next experiment for the look-alikes of a diagnosis, from rest to rest:\n";
+
 /// The script: of a snake in the columns of `krait run --master script`, of joints one column of commands each.
 ///
 /// # Errors
 /// [`LabError::Chain`] for a snake that a model file would refuse.
 pub(super) fn script(ground: &Ground, words: &[String], path: &[Vec<f64>]) -> Result<String, LabError> {
-    let mut text = String::from("# The next experiment for the look-alikes of a diagnosis, from rest to rest:\n");
+    let mut text = BEGINS.to_owned();
     words.iter().for_each(|own| text += &format!("# - {own}\n"));
     match ground.body() {
         Body::Snake(machine) => {

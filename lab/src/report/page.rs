@@ -6,6 +6,10 @@ use crate::Measurements;
 use crate::stage::stage;
 use plotly::Plot;
 
+/// How every page begins, by which it is known as one of krait's.
+pub const BEGINS: &str =
+    "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta name=\"generator\" content=\"krait lab\">\n";
+
 /// A page that grows section by section.
 pub struct Page {
     text: String,
@@ -40,7 +44,7 @@ impl Page {
         stage("Drawing the pictures");
         let title = escape(title);
         let text = format!(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\
+            "{BEGINS}<meta charset=\"utf-8\">\n<title>{title}</title>\n\
              <style>{STYLE}</style>\n{}\n</head>\n<body>\n<h1>{title}</h1>\n",
             script()
         );

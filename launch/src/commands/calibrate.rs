@@ -7,7 +7,7 @@ use crate::cli::Common;
 use crate::cli_calibrate::{CalibrateVerb, Files, FrictionArgs, PhotoArgs, PlayArgs, PosesArgs};
 use crate::commands::calibrate_lines::LinesAlone;
 use crate::commands::drives::LedDrives;
-use crate::commands::overwrite::refuse_existing;
+use crate::commands::overwrite::{refuse_existing, write_whole};
 use crate::commands::{calibrate_chain, today};
 use crate::print;
 use anyhow::Context;
@@ -103,7 +103,7 @@ fn photo(args: &PhotoArgs) -> anyhow::Result<ExitCode> {
     }
     if let Some(out) = &args.out {
         let table = photo::table(&bends);
-        std::fs::write(out, table).with_context(|| format!("{} could not be written", out.display()))?;
+        write_whole(out, table).with_context(|| format!("{} could not be written", out.display()))?;
         text += &format!("bends: {}\n", out.display());
     }
     print::out(&text)?;
@@ -319,9 +319,5 @@ fn save(dialogue: &mut Terminal, files: &Files, found: &[CalibratedValue]) -> an
 
 /// Writes a model file as a whole.
 pub(super) fn replaced(model: &Path, text: &str) -> anyhow::Result<()> {
-    let beside = model.with_extension("toml.new");
-    std::fs::write(&beside, text)
-        .and_then(|()| std::fs::File::open(&beside)?.sync_all())
-        .and_then(|()| std::fs::rename(&beside, model))
-        .with_context(|| format!("the model file {} could not be written", model.display()))
+    write_whole(model, text).with_context(|| format!("the model file {} could not be written", model.display()))
 }

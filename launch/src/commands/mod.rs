@@ -28,7 +28,7 @@ mod model_learnt;
 mod model_loads;
 mod model_segments;
 pub mod motion_wish;
-mod overwrite;
+pub mod overwrite;
 pub mod paper;
 pub mod process;
 pub mod recover;

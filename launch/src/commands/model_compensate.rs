@@ -6,7 +6,7 @@
 use crate::cli_model::CompensateArgs;
 use crate::commands::model::text_of;
 use crate::commands::model_compensate_segments::{SegmentInverse, TableLoads};
-use crate::commands::overwrite::refuse_existing;
+use crate::commands::overwrite::{refuse_existing, refuse_same, write_whole};
 use crate::print;
 use anyhow::{Context, anyhow};
 use core::fmt::Write;
@@ -37,6 +37,7 @@ struct Compensated {
 /// Writes the commands; exit code 1 where some setpoint cannot be reached.
 pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, "csv", args.force)?;
+    refuse_same(&[("--in", &args.setpoints), ("--out", &args.out)])?;
     let file = ModelFile::parse(&text_of(&args.model)?).with_context(|| args.model.display().to_string())?;
     let mut inverse = Inverse::of(&file).with_context(|| args.model.display().to_string())?;
     let map = args.map.iter().cloned().collect();
@@ -55,7 +56,7 @@ pub fn run(args: &CompensateArgs) -> anyhow::Result<ExitCode> {
         }
         table.push('\n');
     }
-    std::fs::write(&args.out, table).with_context(|| format!("{} could not be written", args.out.display()))?;
+    write_whole(&args.out, table).with_context(|| format!("{} could not be written", args.out.display()))?;
     let (out, unit) = (args.out.display().to_string(), inverse.unit.clone());
     let loads = inverse.loads();
     let answer = Compensated { out, rows: setpoints.time_s.len(), largest_correction, unit, rows_not_reached, loads };

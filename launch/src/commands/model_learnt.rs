@@ -1,7 +1,7 @@
 //! `krait model save-learnt`: what a chain has learnt while it moved, from its recording into a model file.
 
 use crate::cli_model::SaveLearntArgs;
-use crate::commands::overwrite::refuse_existing;
+use crate::commands::overwrite::{refuse_existing, write_whole};
 use crate::commands::today;
 use crate::print;
 use crate::recorded::{model_text, settings_of};
@@ -68,7 +68,7 @@ pub fn run(args: &SaveLearntArgs) -> anyhow::Result<ExitCode> {
         unit: unit.name.to_owned(),
     });
     let saved = ModelFile::new(file.machine().clone(), effects, history)?;
-    std::fs::write(&args.out, saved.to_toml())
+    write_whole(&args.out, saved.to_toml())
         .with_context(|| format!("the model file {} could not be written", args.out.display()))?;
     let (out, recording) = (args.out.display().to_string(), args.recording.display().to_string());
     let answer = Saved { out, recording, learnt, unexplained: [before, after], unexplained_unit: unit.name };

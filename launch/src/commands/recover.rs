@@ -3,6 +3,7 @@
 use crate::cli::RecoverArgs;
 use crate::commands::overwrite::refuse_other_ending;
 use crate::print;
+use anyhow::{Context, bail};
 use krait_record::{Recording, recover, utc_text};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -32,6 +33,14 @@ pub fn run(args: &RecoverArgs) -> anyhow::Result<ExitCode> {
     }
     let out = args.out.clone().unwrap_or_else(|| beside(&args.recording));
     let recovered = recover(&args.recording, &out)?;
+    if recovered.messages.is_empty() {
+        std::fs::remove_file(&out).with_context(|| format!("the empty {} could not be removed", out.display()))?;
+        bail!(
+            "{}: none of its {} bytes is a whole message, so that nothing can be saved; look for another copy",
+            args.recording.display(),
+            recovered.n_bytes
+        );
+    }
     let saved = Saved {
         out: Some(out),
         span_s: recovered.last_log_ns.saturating_sub(recovered.first_log_ns) as f64 / 1e9,

@@ -91,6 +91,42 @@ fn nothing_is_overwritten_and_nothing_is_written_for_what_is_refused() {
     assert!(said.contains("\"Zeit [ms]\"") && said.contains("missing") && said.contains("Zeit [s]"), "{said}");
 }
 
+/// Pages and motions are written anew without `--force`, in the place of an earlier one and of nothing else.
+#[test]
+fn a_page_or_a_motion_takes_no_other_files_place() {
+    let folder = Folder::new("places");
+    fs::write(folder.0.join("a.csv"), foreign_jaw()).expect("written");
+    let same = folder.krait(&["lab", "init", "a.csv", "--map-out", "x.toml", "--model-out", "./x.toml"]);
+    assert!(same.status.code() == Some(2) && !folder.0.join("x.toml").exists());
+    assert!(folder.krait(&["lab", "init", "a.csv"]).status.success());
+    let asked = ["--model", "a.model.toml", "--data", "a.csv", "--map-file", "a.map.toml"];
+    fs::write(folder.0.join("mine.html"), "<!DOCTYPE html>\n<html>mine").expect("written");
+    for (verb, option, place) in [
+        ("compare", "--report", "a.csv"),
+        ("compare", "--report", "mine.html"),
+        ("diagnose", "--report", "mine.html"),
+        ("diagnose", "--experiment", "a.csv"),
+        ("diagnose", "--experiment", "a.map.toml"),
+    ] {
+        let before = fs::read(folder.0.join(place)).expect("there");
+        let ended = folder.krait(&[&["lab", verb][..], &asked, &[option, place]].concat());
+        let said = String::from_utf8(ended.stderr).expect("text");
+        assert!(
+            ended.status.code() == Some(2) && said.contains(place) && said.trim_end().lines().count() == 1,
+            "{said}"
+        );
+        assert_eq!(fs::read(folder.0.join(place)).expect("there"), before, "{verb} {option} {place}");
+    }
+    // Its own page it writes again.
+    for _ in 0..2 {
+        assert!(folder.krait(&[&["lab", "compare"][..], &asked, &["--report", "page.html"]].concat()).status.success());
+    }
+    // A column of the file is one of the lab's, not two.
+    let twice = folder.krait(&[&["lab", "compare"][..], &asked, &["--map", "u1_deg=Jaw angle"]].concat());
+    let said = String::from_utf8(twice.stderr).expect("text");
+    assert!(twice.status.code() == Some(2) && said.contains("expected one of the two"), "{said}");
+}
+
 /// A program that opens what it takes for its own format could not read it; whatever is written, it is refused before any work.
 #[test]
 fn no_command_writes_under_a_name_that_promises_another_format() {

@@ -1,7 +1,7 @@
 //! Changes one number of each actuator in the text of a configuration, and nothing else of it.
 
 use crate::cli_drives::DrivesArgs;
-use crate::commands::overwrite::refuse_existing;
+use crate::commands::overwrite::{refuse_existing, write_whole};
 use crate::config::Config;
 use anyhow::{Context, bail};
 use core::ops::Range;
@@ -46,7 +46,7 @@ pub(super) fn write(args: &DrivesArgs, text: &str, number: &Number, values: &[i3
     if let Some(out) = &args.out {
         // Somebody may have made it meanwhile.
         refuse_out(args)?;
-        std::fs::write(out, edited)
+        write_whole(out, edited)
             .with_context(|| format!("{} could not be written; name a file in a folder of yours", out.display()))?;
     }
     Ok(n_changed)

@@ -3,7 +3,7 @@
 use super::next::after_fit;
 use super::{page, stages};
 use crate::cli_lab::{AddArgs, FitArgs, LabFiles, dotted, effect_parameter};
-use crate::commands::overwrite::refuse_existing;
+use crate::commands::overwrite::{refuse_existing, write_whole};
 use crate::commands::today;
 use crate::print;
 use anyhow::{Context, bail};
@@ -25,6 +25,7 @@ use std::process::ExitCode;
 /// Adds an effect.
 pub fn run(args: &AddArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, "toml", args.force)?;
+    page::refuse_place(args.report.as_deref())?;
     stages::tell();
     let session = open(&args.files)?;
     let term = match of_file(args, &session.file)? {
@@ -59,6 +60,7 @@ const WORSE: f64 = 1.02;
 /// Fits what a model has.
 pub fn refit(args: &FitArgs) -> anyhow::Result<ExitCode> {
     refuse_existing(&args.out, "toml", args.force)?;
+    page::refuse_place(args.report.as_deref())?;
     stages::tell();
     let session = open(&args.files)?;
     // Without names: what was fitted to these data once, and what the file leaves open, which a fit has anyway.
@@ -262,7 +264,7 @@ fn finish(
     as_json: bool,
 ) -> anyhow::Result<ExitCode> {
     let file = save(&session.file, added, what, &session.data, &today())?;
-    std::fs::write(out, file.to_toml())
+    write_whole(out, file.to_toml())
         .with_context(|| format!("the model file {} could not be written", out.display()))?;
     let mut calibrated = disagreements(&session.file, added, &session.data);
     calibrated.extend(drawn_away(&session.file, &added.calibration));

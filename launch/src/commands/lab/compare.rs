@@ -16,6 +16,7 @@ const SHOWN: usize = 15;
 
 /// Compares; that there is an error is no failure.
 pub fn run(args: &LabCompareArgs) -> anyhow::Result<ExitCode> {
+    page::refuse_place(args.report.as_deref())?;
     let session = args.files.session()?;
     let found = compare(session.machine.as_ref(), &session.data)?;
     if let Some(path) = &args.report {

@@ -4,10 +4,11 @@ use super::init::cut;
 use super::next::after_diagnosis;
 use super::{page, stages};
 use crate::cli_lab::DiagnoseArgs;
+use crate::commands::overwrite::{refuse_foreign, write_whole};
 use crate::print;
 use anyhow::{Context, bail};
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, FormulaTerm, FoundEffect, LoadCell, capital, diagnose};
-use krait_lab::experiment::{Experiment, Separation, experiment};
+use krait_lab::experiment::{BEGINS, Experiment, Separation, experiment};
 use krait_lab::report::diagnosis_page;
 use krait_lab::{CameraOffset, ClockOffset, Names, Offered, Session, drawn_away, offered, open_model};
 use krait_model::effects::explanation;
@@ -21,6 +22,8 @@ const SHOWN: usize = 12;
 
 /// Diagnoses; finding that something is missing is no failure.
 pub fn run(args: &DiagnoseArgs) -> anyhow::Result<ExitCode> {
+    page::refuse_place(args.report.as_deref())?;
+    refuse_foreign(args.experiment.as_deref(), "csv", BEGINS)?;
     stages::tell();
     let mut session = args.files.session()?;
     let options = DiagnoseOptions {
@@ -88,7 +91,7 @@ fn write_experiment(path: &Path, session: &Session, diagnosis: &mut Diagnosis) -
         };
         bail!("--experiment {}: {why}; leave it out", path.display())
     };
-    std::fs::write(path, &motion.script).with_context(|| {
+    write_whole(path, &motion.script).with_context(|| {
         format!("the experiment {} could not be written; check that its directory exists", path.display())
     })?;
     if let Some(next) = &mut diagnosis.next_experiment {

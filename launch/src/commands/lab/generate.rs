@@ -1,7 +1,7 @@
 //! `krait lab generate`: data with a hidden effect, and the answer sealed in a file of its own.
 
 use crate::cli_lab_data::GenerateArgs;
-use crate::commands::overwrite::refuse_existing;
+use crate::commands::overwrite::{refuse_existing, refuse_same, write_whole};
 use crate::print;
 use anyhow::{Context, bail};
 use krait_ipc::{clock, input};
@@ -75,7 +75,7 @@ fn write<T: Serialize>(args: &GenerateArgs, out: &Path, made: Generated<T>) -> a
     let n_rows = made.measurements.n_rows();
     if let Some(truth) = &args.truth {
         let text = toml::to_string(&made.truth).context("the plant has no form in TOML")?;
-        std::fs::write(truth, text).with_context(|| format!("{} could not be written", truth.display()))?;
+        write_whole(truth, text).with_context(|| format!("{} could not be written", truth.display()))?;
     }
     let sealed = made.seal(out, args.answer.as_deref())?;
     if args.json {
@@ -94,11 +94,15 @@ fn write<T: Serialize>(args: &GenerateArgs, out: &Path, made: Generated<T>) -> a
 /// # Errors
 /// One sentence that names the file.
 pub fn refuse_existing_data(out: &Path, others: [Option<&Path>; 2], model: &str, force: bool) -> anyhow::Result<()> {
+    let base = out.with_file_name("base.toml");
+    let named =
+        [("--out", Some(out)), ("the base model", Some(&*base)), ("--answer", others[0]), ("--truth", others[1])];
+    let named: Vec<(&str, &Path)> = named.into_iter().filter_map(|(name, path)| Some((name, path?))).collect();
+    refuse_same(&named)?;
     for (file, own) in others.into_iter().zip(["json", "toml"]).chain([(Some(out), "csv")]) {
         file.map_or(Ok(()), |file| refuse_existing(file, own, force))?;
     }
     // A base model of an earlier set of data is the same; any other is somebody's work.
-    let base = out.with_file_name("base.toml");
     if base.exists() && !input::text(&base, input::CONFIG_BYTES).is_ok_and(|text| text == model) {
         refuse_existing(&base, "toml", force)?;
     }

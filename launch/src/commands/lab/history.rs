@@ -12,6 +12,7 @@ use std::process::ExitCode;
 
 /// Prints a model's history.
 pub fn run(args: &HistoryArgs) -> anyhow::Result<ExitCode> {
+    page::refuse_place(args.report.as_deref())?;
     let file = open_model(&args.model)?;
     if let Some(path) = &args.report {
         let model = args.model.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();

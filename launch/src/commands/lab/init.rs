@@ -3,14 +3,13 @@
 use super::shell::shell;
 use crate::COULD_NOT_RUN;
 use crate::cli_lab::InitArgs;
-use crate::commands::overwrite::refuse_existing;
+use crate::commands::overwrite::{refuse_existing, refuse_same, write_whole};
 use crate::print;
 use anyhow::Context;
 use krait_lab::init::{InitError, Proposal, SeenColumn, columns, propose};
 use krait_lab::read::ColumnMap;
 use krait_report::Table;
 use serde_json::json;
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -24,6 +23,7 @@ pub fn run(args: &InitArgs) -> anyhow::Result<ExitCode> {
     let beside =
         |given: &Option<PathBuf>, ending: &str| given.clone().unwrap_or_else(|| args.data.with_extension(ending));
     let (map, model) = (beside(&args.map_out, "map.toml"), beside(&args.model_out, "model.toml"));
+    refuse_same(&[("the measurements", &args.data), ("--map-out", &map), ("--model-out", &model)])?;
     for file in [&map, &model] {
         refuse_existing(file, "toml", args.force)?;
     }
@@ -34,7 +34,7 @@ pub fn run(args: &InitArgs) -> anyhow::Result<ExitCode> {
     };
     let name = args.data.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     for (file, text) in [(&map, &found.map.to_toml(&name)), (&model, &found.model)] {
-        fs::write(file, text)
+        write_whole(file, text)
             .with_context(|| format!("{} could not be written; choose another place", file.display()))?;
     }
     let next =

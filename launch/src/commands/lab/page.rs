@@ -1,16 +1,26 @@
 //! Writes the lab's pages, with the command line that made them at their foot.
 
 use super::shell::quoted;
+use crate::commands::overwrite::{refuse_foreign, write_whole};
 use anyhow::Context;
 use krait_lab::LabError;
 use krait_lab::report::PageOrigin;
+use krait_lab::report::page::BEGINS;
 use std::path::Path;
+
+/// Refuses, before any work, a place where something else than an earlier page is.
+///
+/// # Errors
+/// One sentence that names the file.
+pub(super) fn refuse_place(path: Option<&Path>) -> anyhow::Result<()> {
+    refuse_foreign(path, "html", BEGINS)
+}
 
 /// Makes a page and writes it.
 pub(super) fn write(path: &Path, page: impl FnOnce(PageOrigin) -> Result<String, LabError>) -> anyhow::Result<()> {
     let command = command(std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()));
     let text = page(PageOrigin { command: &command, version: env!("CARGO_PKG_VERSION") })?;
-    std::fs::write(path, text).with_context(|| {
+    write_whole(path, text).with_context(|| {
         format!(
             "the report {} could not be written; check that its directory exists and may be written",
             path.display()

@@ -6,7 +6,7 @@ use crate::print;
 use anyhow::{Context, bail, ensure};
 use krait_ipc::{clock, input};
 use krait_lab::diagnose::titled;
-use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Recipe, Sealed, base_model, generate, is_unmodified};
+use krait_lab_benchmark::generate::{Answer, Judgement, Quiz, Sealed, base_model, is_unmodified};
 use krait_lab_benchmark::segments::SegmentsQuiz;
 use krait_model::effects::{Definition, EffectKind, Hook, SegmentEffect, explanation};
 use krait_model::{meant_name, nearest_name};
@@ -25,9 +25,8 @@ pub fn ask(args: &QuizArgs) -> anyhow::Result<ExitCode> {
         None => {
             may_write(&base_model())?;
             let riddle = Quiz::new(seed, args.level);
-            let recipe = Recipe { hidden: vec![(riddle.kind, riddle.size)], seed, ..Recipe::default() };
             let choices: Vec<String> = riddle.choices.iter().copied().map(str::to_owned).collect();
-            ("snake", choices, generate(&recipe)?.seal(&args.out, args.answer.as_deref())?)
+            ("snake", choices, riddle.generate(seed)?.seal(&args.out, args.answer.as_deref())?)
         }
         Some(n) => {
             let riddle = SegmentsQuiz::new(seed, usize::from(n), args.level);
