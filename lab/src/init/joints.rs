@@ -47,7 +47,9 @@ pub(super) fn pairs(columns: &[Column]) -> Vec<Pair> {
     let unclear = side(|guess| *guess == Guess::Unclear);
     let mut pairs: Vec<(String, Pair)> = Vec::new();
     for (joint, u) in &commands {
-        if let Some((_, y)) = measured.iter().find(|(other, _)| other == joint) {
+        // One command in two units is one joint: of several columns of a joint the first counts.
+        let is_taken = pairs.iter().any(|(other, _)| other == joint);
+        if let Some((_, y)) = measured.iter().find(|(other, _)| other == joint && !is_taken) {
             pairs.push((joint.clone(), pair(columns, *u, *y)));
         }
     }

@@ -63,6 +63,20 @@ fn columns_that_are_not_used_are_named_with_the_reason() {
 }
 
 #[test]
+fn one_command_in_two_units_is_one_joint() {
+    let row = |t: f64| {
+        let u: f64 = 30.0 * t.sin();
+        format!("{t:.2},{u:.4},{:.6},{:.4}", u.to_radians(), 0.9 * u)
+    };
+    let path = file("two_units", "time_s,u1_deg,u1_rad,y1_deg", row);
+    let found = proposed(&path, &[]);
+    assert_eq!(found.pairs.len(), 1, "{:?}", found.pairs);
+    let spare = found.columns.iter().find(|seen| seen.name == "u1_rad").map(|seen| seen.why.as_str());
+    assert_eq!(spare, Some("a spare command"));
+    assert_eq!(data(&path, &found).n_inputs, 1);
+}
+
+#[test]
 fn a_column_that_is_taken_out_is_not_proposed_and_not_read() {
     let path = with_a_current("taken_out");
     let found = proposed(&path, &["none=cmd_deg", "none=foo"]);
