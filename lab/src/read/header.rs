@@ -81,7 +81,6 @@ pub(super) fn plan(
         Part::Seen => matches!(role, Role::Input(_) | Role::Load(_) | Role::StemAngle | Role::Temperature),
     };
     columns.retain(|column| !unused(column.role) && !of_other_file(column.role));
-    taken_once(map, &columns, &wanted)?;
     for one in &wanted {
         let is_needed = match one.role {
             Role::Time | Role::Input(_) => true,
@@ -353,26 +352,6 @@ fn targets_exist(map: &ColumnMap, wanted: &[Wanted]) -> Result<(), ReadError> {
             return wrong(&mapping.target, "it is mapped twice");
         }
         seen.push(one.role);
-    }
-    Ok(())
-}
-
-/// No column of the file stands for two of the lab's.
-fn taken_once(map: &ColumnMap, columns: &[Column], wanted: &[Wanted]) -> Result<(), ReadError> {
-    for (k, column) in columns.iter().enumerate() {
-        let Some(first) = columns.iter().take(k).find(|own| own.field == column.field) else { continue };
-        let name = |role: Role| wanted.iter().find(|one| one.role == role).map(Wanted::name).unwrap_or_default();
-        let is_own = |mapping: &&Mapping| mapping.source == column.name;
-        return Err(ReadError::MapTarget {
-            target: map.mappings.iter().find(is_own).map(|mapping| mapping.target.clone()).unwrap_or_default(),
-            reason: format!(
-                "the file's column {:?} would be both {} and {}, expected one of the two",
-                column.name,
-                name(first.role),
-                name(column.role)
-            ),
-            known: wanted.iter().map(Wanted::name).collect::<Vec<_>>().join(", "),
-        });
     }
     Ok(())
 }

@@ -129,17 +129,26 @@ fn tables_that_cannot_be_used_are_refused_in_one_sentence_and_nothing_is_written
     let narrow = changed(&folder, "high_n = 40.0", "high_n = 1.0");
     let header = "time_s,bend1_deg,plane1_deg,bend2_deg,plane2_deg\n";
     for (model, text_of_table, words) in [
-        (TWO, "time_s,bend1_deg,plane1_deg,bend2_deg\n0,0,0,0\n".to_owned(), "no column plane2_rad"),
-        (TWO, "time_s,bend_x_deg,bend_y_deg\n0,0,0\n".to_owned(), "no column bend1_rad"),
-        (TWO, format!("{header}0,0,0,0,0\n0.1,x,0,0,0\n"), "line 3, bend1_deg: expected a number, found \"x\""),
-        (TWO, format!("{header}0,0,0,0,0\n0.1,1,0,nan,0\n"), "line 3, bend2_deg: expected a number"),
-        (TWO, format!("{header}0,0,0,0,0\n0.1,0,0,1e300,0\n"), "line 3: the bend of segment 2 is larger than"),
-        (TWO, format!("{header}0,-300,0,0,0\n"), "line 2: the bend of segment 1 is larger than"),
-        (TWO, format!("{header}0,0,0,0,0\n0.1,0,1e308,1,1e308\n0,0,0,0,0\n"), "line 4, time_s: 0 does not come after"),
+        (TWO, "time_s,bend1_deg,plane1_deg,bend2_deg\n0,0,0,0\n".to_owned(), "column plane2_rad is missing"),
+        (
+            TWO,
+            "time_s,bend1_deg,plane1_deg,bend2_deg,plane2_deg,bend3_deg\n0,0,0,0,0,0\n".to_owned(),
+            "there is a column of bend3",
+        ),
+        (TWO, "time_s,bend_x_deg,bend_y_deg\n0,0,0\n".to_owned(), "column bend1_rad is missing"),
+        (TWO, format!("{header}0,0,0,0,0\n0.1,x,0,0,0\n"), "line 3, column bend1_deg: \"x\" is no finite number"),
+        (TWO, format!("{header}0,0,0,0,0\n0.1,1,0,nan,0\n"), "line 3, column bend2_deg: \"nan\" is no finite number"),
+        (TWO, format!("{header}0,0,0,0,0\n0.1,0,0,1e300,0\n"), "row 2: the bend of segment 2 is larger than"),
+        (TWO, format!("{header}0,-300,0,0,0\n"), "row 1: the bend of segment 1 is larger than"),
+        (
+            TWO,
+            format!("{header}0,0,0,0,0\n0.1,0,1e308,1,1e308\n0,0,0,0,0\n"),
+            "line 4, column time_s, time 0 s is before the 0.1 s of the row before",
+        ),
         (
             narrow.as_str(),
             format!("{header}0,0,0,0,0\n0.1,60,0,0,0\n"),
-            "line 3: no loads within low_n and high_n hold these bends: line ",
+            "row 2: no loads within low_n and high_n hold these bends: line ",
         ),
     ] {
         fs::write(&setpoints, &text_of_table).expect("a table");
