@@ -117,9 +117,9 @@ pub(super) fn required(
     let names = &Header { path, at, names }.left_in(map)?;
     let header = Header { path, at, names };
     targets_exist(map, wanted)?;
-    header.no_further(wanted)?;
     let found = |one: &Wanted| header.find(one, map)?.ok_or_else(|| header.missing(one));
     let mut columns = wanted.iter().map(found).collect::<Result<Vec<_>, _>>()?;
+    header.no_further(wanted)?;
     columns.sort_by_key(|column| column.field);
     Ok(Plan { columns, n_inputs: wanted.len() - 1, n_outputs: 0 })
 }

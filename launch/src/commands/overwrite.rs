@@ -82,14 +82,16 @@ pub fn write_whole(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
     // What a link leads to takes its place, not the link.
     let path = if before.is_some() { fs::canonicalize(path)? } else { path.to_owned() };
     let beside = beside(&path);
-    let written = fs::File::create_new(&beside).and_then(|mut file| {
-        file.write_all(content.as_ref())?;
-        before.map_or(Ok(()), |before| file.set_permissions(before.permissions()))?;
-        file.sync_all()?;
-        fs::rename(&beside, &path)
-    });
-    if written.is_err() && fs::remove_file(&beside).is_err() {
-        tracing::debug!(path = %beside.display(), "there was nothing to remove");
+    let mut file = fs::File::create_new(&beside)?;
+    let written = file
+        .write_all(content.as_ref())
+        .and_then(|()| before.map_or(Ok(()), |before| file.set_permissions(before.permissions())))
+        .and_then(|()| file.sync_all())
+        .and_then(|()| fs::rename(&beside, &path));
+    if written.is_err()
+        && let Err(error) = fs::remove_file(&beside)
+    {
+        tracing::warn!(path = %beside.display(), %error, "a half-written file could not be removed");
     }
     written
 }
@@ -114,10 +116,11 @@ mod tests {
         std::os::unix::fs::symlink(&path, &link).unwrap();
         write_whole(&link, "second").unwrap();
         assert!(link.is_symlink() && fs::read_to_string(&path).unwrap() == "second");
-        // Where the new one cannot be begun, the old one stands.
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 2, "nothing is left beside it");
+        // Where the new one cannot be begun, the old one stands, and what was in the way.
         fs::write(beside(&path), "in the way").unwrap();
         assert!(write_whole(&path, "third").is_err() && fs::read_to_string(&path).unwrap() == "second");
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 2, "nothing is left beside it");
+        assert_eq!(fs::read_to_string(beside(&path)).unwrap(), "in the way");
 
         let said = refuse_same(&[("--in", &path), ("--out", &link)]).unwrap_err().to_string();
         assert!(said.ends_with("is named as --in and as --out; name two files"), "{said}");
