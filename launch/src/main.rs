@@ -18,6 +18,7 @@ mod cli_machine;
 mod cli_model;
 mod cli_process;
 mod cli_replay;
+mod cli_run;
 mod commands;
 mod config;
 mod device;

@@ -1,6 +1,7 @@
 //! `krait run`: the chain until Ctrl-C.
 
-use crate::cli::{Common, EngageKind, MasterKind, RunArgs};
+use crate::cli::{Common, EngageKind, MasterKind};
+use crate::cli_run::RunArgs;
 use crate::commands::process::{refuse_pad_of_real_drives, refuse_poses_of_real_drives};
 use crate::commands::unused_axes;
 use crate::config::Config;
