@@ -2,7 +2,7 @@
 
 use super::node_of;
 use crate::cli_devices::DevicesArgs;
-use crate::commands::overwrite::refuse_existing;
+use crate::commands::overwrite::{refuse_existing, write_whole};
 use crate::{print, signals};
 use anyhow::{Context, bail, ensure};
 use core::time::Duration;
@@ -98,7 +98,7 @@ pub(super) fn run(args: &DevicesArgs, path: &Path) -> anyhow::Result<ExitCode> {
         node.display(),
         profile.to_text()
     );
-    std::fs::write(path, text)
+    write_whole(path, text)
         .with_context(|| format!("{} could not be written; name a file in a folder of yours", path.display()))?;
     for (axis, place) in profile.axes.iter().filter_map(|axis| Some((axis, axis.place()?))) {
         if let (Some([low, high]), Some(rest), Some(noise)) = (place.range, place.rest, place.noise) {
