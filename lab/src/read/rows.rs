@@ -6,6 +6,7 @@ use super::cells::{Cell, Cells};
 use super::dialect::Numbers;
 use super::header::Plan;
 use super::role::Role;
+use super::stamps::EPOCH_S;
 use std::path::Path;
 
 /// A file's columns, in the order of its plan; empty cells are NaN.
@@ -83,13 +84,26 @@ impl<'a> Rows<'a> {
     fn time_rises(&self, at: At) -> Result<(), ReadError> {
         let times = self.columns.get(self.time).map_or(&[][..], Vec::as_slice);
         let [.., before_s, found_s] = *times else { return Ok(()) };
+        let column = || self.plan.names(|role| role == Role::Time);
+        if found_s - before_s >= EPOCH_S {
+            return Err(ReadError::Implausible {
+                path: self.path.to_owned(),
+                at,
+                column: column(),
+                found: format!("{found_s} s"),
+                reason: format!(
+                    "years after {before_s} s in the row before, and no recording rests so long: the clock was not set there; remove the \
+                     rows before this one"
+                ),
+            });
+        }
         if found_s > before_s {
             return Ok(());
         }
         Err(ReadError::Time {
             path: self.path.to_owned(),
             at,
-            column: self.plan.names(|role| role == Role::Time),
+            column: column(),
             found_s,
             before_s,
             how: if found_s == before_s { "the same as the" } else { "before the" },
