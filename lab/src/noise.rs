@@ -5,6 +5,7 @@
 //! repeat, which includes hysteresis with another history.
 
 use crate::fit::dot;
+use crate::read::scatter_behind_filter;
 use crate::{Measurements, Problem};
 
 /// Standard deviations of one output's noise, in the outputs' unit.
@@ -52,6 +53,9 @@ impl FloorSource {
 const SHORTEST_REST_S: f64 = 1.5;
 /// Pairs of rows in a rest are at least this far apart.
 const PAIR_GAP_S: f64 = 1.0;
+/// Differences of forces between the few rows that a filter leaves are not noise alone where they are so much more than the noise that is
+/// new in every row: the rows are so far apart that what no effect explains looks new in each, as slow noise does.
+const TOO_MUCH: f64 = 5.0;
 /// A floor below this part of another is no matter of chance.
 const CLEARLY_BELOW: f64 = 0.85;
 /// Rests and differences agree up to this ratio.
@@ -80,7 +84,9 @@ pub(crate) fn at_floor(relative_error: f64) -> f64 {
 impl NoiseFloor {
     /// Estimates from residuals of any model that follows the motion roughly (weighted, row after row).
     pub fn new(problem: &Problem, residual: &[f64]) -> Self {
-        let differences = by_differences(problem, residual);
+        let behind_filter = scatter_behind_filter(&problem.data);
+        let is_noise = |sigma: f64| behind_filter.is_none_or(|noise| sigma < TOO_MUCH * noise);
+        let differences = by_differences(problem, residual).filter(|(sigma, _)| is_noise(*sigma));
         let (rest, rest_time_s) = at_rest(problem, residual);
         let (visits, n_visits) = on_visits(problem, residual);
         Self {
@@ -113,10 +119,10 @@ impl NoiseFloor {
         }
     }
 
-    /// Whether its standard deviation is clearly smaller than another's; false where either is not known.
+    /// Whether its standard deviation is clearly smaller than another's, or the only one that is known.
     pub(crate) fn is_below(&self, other: &Self) -> bool {
         let [own, other] = [self, other].map(|floor| floor.sigma().map(|(sigma, _)| sigma));
-        own.zip(other).is_some_and(|(own, other)| own < CLEARLY_BELOW * other)
+        own.is_some_and(|own| other.is_none_or(|other| own < CLEARLY_BELOW * other))
     }
 }
 

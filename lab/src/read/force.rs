@@ -104,7 +104,9 @@ pub(super) fn prepare(place: &Place, data: Measurements, machine: &ForceMachine)
         out.add(&data, section, step_s, &kernels, stride, &loads);
     }
     let row_noise: Vec<f64> = (0..n).map(|joint| row_noise(&data, joint)).collect();
-    Ok(out.into_measurements(data, 1.0 / (step_s * sigma / SIGMA_OF_PERIOD), &row_noise))
+    // What the filter leaves of noise that is new in every row.
+    let left = kernels.smooth.iter().map(|weight| weight * weight).sum::<f64>().sqrt();
+    Ok(out.into_measurements(data, 1.0 / (step_s * sigma / SIGMA_OF_PERIOD), &row_noise, left))
 }
 
 /// Standard deviation of what changes from row to row of a joint's force before the filter: third differences, root mean square over 20.
@@ -144,7 +146,16 @@ pub(crate) fn of_joint(data: &Measurements, joint: usize) -> Measurements {
 /// What the rows of filtered forces scattered by before the filter, in the forces' unit, root mean square over the joints; `None` for other
 /// measurements.
 pub(crate) fn scatter_before_filter(data: &Measurements) -> Option<f64> {
-    let of = |joint| data.extra(&column(ROW_NOISE, joint))?.first().map(|noise| noise * noise);
+    scatter(data, ROW_NOISE)
+}
+
+/// The same behind the filter, where it is new in every row: slow noise passes the filter and is not in it.
+pub(crate) fn scatter_behind_filter(data: &Measurements) -> Option<f64> {
+    scatter(data, FILTERED_NOISE)
+}
+
+fn scatter(data: &Measurements, what: &str) -> Option<f64> {
+    let of = |joint| data.extra(&column(what, joint))?.first().map(|noise| noise * noise);
     let squares = (0..data.n_outputs).map(of).collect::<Option<Vec<f64>>>()?;
     Some((squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt())
 }
@@ -342,12 +353,14 @@ impl Filtered {
         }
     }
 
-    fn into_measurements(self, data: Measurements, cut_off_hz: f64, row_noise: &[f64]) -> Measurements {
+    fn into_measurements(self, data: Measurements, cut_off_hz: f64, row_noise: &[f64], left: f64) -> Measurements {
         let n_rows = self.time_s.len();
         let mut extra = self.extra;
         extra.push((CUT_OFF_HZ.to_owned(), vec![cut_off_hz; n_rows]));
-        let of_joint = |(joint, noise): (usize, &f64)| (column(ROW_NOISE, joint), vec![*noise; n_rows]);
-        extra.extend(row_noise.iter().enumerate().map(of_joint));
+        for (joint, noise) in row_noise.iter().enumerate() {
+            extra.push((column(ROW_NOISE, joint), vec![*noise; n_rows]));
+            extra.push((column(FILTERED_NOISE, joint), vec![noise * left; n_rows]));
+        }
         Measurements {
             time_s: self.time_s,
             inputs: self.angles,
@@ -367,8 +380,10 @@ impl Filtered {
 pub(crate) const CUT_OFF_HZ: &str = "force.cut_off_hz";
 /// What the column holds that has the scatter of a joint's rows before the filter, in the forces' unit.
 const ROW_NOISE: &str = "row_noise";
+/// The same times what the filter leaves of it.
+const FILTERED_NOISE: &str = "filtered_noise";
 /// What the columns of a joint hold.
-const COLUMNS: [&str; 5] = ["speed", "acceleration", "direction", "load", ROW_NOISE];
+const COLUMNS: [&str; 6] = ["speed", "acceleration", "direction", "load", ROW_NOISE, FILTERED_NOISE];
 
 #[cfg(test)]
 mod tests {

@@ -32,7 +32,9 @@ pub use at::At;
 pub(crate) use column_map::NONE;
 pub use column_map::{ColumnMap, Mapping};
 pub use error::ReadError;
-pub(crate) use force::{CUT_OFF_HZ, column, filter_s, filtered, of_joint, scatter_before_filter};
+pub(crate) use force::{
+    CUT_OFF_HZ, column, filter_s, filtered, of_joint, scatter_before_filter, scatter_behind_filter,
+};
 pub(crate) use header::in_brackets;
 pub(crate) use look::{Look, Looked, look};
 pub(crate) use merge::merged;
