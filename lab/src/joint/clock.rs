@@ -2,8 +2,9 @@
 //! search finds is taken off the measurements, and all is diagnosed anew.
 
 use super::decide;
+use super::refine::UNDONE;
 use crate::clock::ClockOffset;
-use crate::diagnose::{Calibration, DiagnoseOptions, Diagnosis, Verdict, badness};
+use crate::diagnose::{Calibration, DiagnoseOptions, Diagnosis, FoundEffect, Verdict, badness};
 use crate::machine::JointsLab;
 use crate::stage::stage;
 use crate::{LabError, Measurements};
@@ -34,7 +35,8 @@ pub(crate) fn diagnose(
         let next = clock.and(ClockOffset { shift_s, rate: 0.0 });
         let moved = data.by_clocks(&vec![next; firsts.len()], &firsts);
         let again = decide::diagnose(machine, &moved, options)?;
-        if next.shift_s > ClockOffset::MOST_S || badness(&again, 1) > AS_GOOD * badness(&best, 1) {
+        let is_worse = badness(&again, 1) > AS_GOOD * badness(&best, 1);
+        if next.shift_s > ClockOffset::MOST_S || is_worse || takes_back(&again, next.shift_s) {
             break;
         }
         (best, clock) = (again, next);
@@ -59,6 +61,19 @@ fn ahead(diagnosis: &Diagnosis) -> Vec<Calibration> {
     let is_asserted = matches!(diagnosis.verdict, Verdict::None | Verdict::Missing | Verdict::Partly);
     let own = diagnosis.calibration.iter().filter(|own| is_asserted && own.name == "delay" && own.value < 0.0);
     own.cloned().collect()
+}
+
+/// Whether a slow effect is as late as the clock is ahead: both together only smooth a command that was rounded.
+fn takes_back(diagnosis: &Diagnosis, shift_s: f64) -> bool {
+    let late_s = |own: &FoundEffect| {
+        let number = |name: &str| own.parameters.iter().find(|own| own.name == name).map(|own| own.value);
+        match own.name.as_str() {
+            "first-order-lag" => number("time_s"),
+            "second-order" => Some(2.0 * number("damping")? / number("frequency_rad_per_s")?),
+            _ => None,
+        }
+    };
+    diagnosis.effects.iter().filter_map(late_s).any(|late_s| (late_s - shift_s).abs() < UNDONE * late_s)
 }
 
 /// By how much they do together, s.

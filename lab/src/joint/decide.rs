@@ -54,6 +54,8 @@ const PARTLY: f64 = 0.5;
 const BESIDE: f64 = 0.25;
 /// A rest of structure below this level is no chance.
 const LEVEL_OF_REST: f64 = 0.02;
+/// An error of this ratio of the noise from row to row is not called the measurement's own where its floor is unknown.
+const FAR_ABOVE_ROWS: f64 = 3.0;
 /// White noise cannot make an error of this ratio of the floor.
 const BEYOND_DOUBT: f64 = 1.1;
 /// A column that leaves less than this part of the mean square that the effects leave, with one gain beside the calibrated model, is what
@@ -249,7 +251,8 @@ impl Case<'_> {
             structure.groups.insert(0, GroupShare { name: kind.name(), share: part, p_value: structure.p_value });
             explained = beside(last, &fit, &blocks, with_shapes);
         }
-        structured |= floor.is_far_below(after.mean_square.sqrt());
+        structured |=
+            floor.is_far_below(after.mean_square.sqrt()) || is_far_above_rows(signal, &floor, after.mean_square);
         let mut verdict = match (n_known == 0, structured) {
             (true, false) => Verdict::None,
             (false, false) => Verdict::Missing,
@@ -368,6 +371,11 @@ pub(super) fn fast_noise(signal: &Signal) -> f64 {
     squares.sort_by(f64::total_cmp);
     // The median of a squared normal variable is 0.455 of its mean.
     squares.get(squares.len() / 2).map_or(0.0, |middle| middle / 0.455)
+}
+
+/// Whether an error is so much more than what changes from row to row that, where nobody knows the floor, it is taken for no noise.
+fn is_far_above_rows(signal: &Signal, floor: &Floor, mean_square: f64) -> bool {
+    floor.sigma.is_none() && mean_square > FAR_ABOVE_ROWS * FAR_ABOVE_ROWS * fast_noise(signal)
 }
 
 /// Error of the model as given, with gain 1 and offset 0 where it leaves them out: mean square.

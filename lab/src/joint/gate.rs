@@ -128,45 +128,94 @@ pub(super) fn in_errors(before: &[f64], after: &[f64]) -> f64 {
 /// say next to nothing of the other.
 pub(super) fn gate(search: &Search, best: &Fit, blocks: &Blocks) -> (Fit, HeldOut) {
     let strokes = blocks.strokes(search.signal);
-    let thinned = thin(search, best, blocks, strokes.as_ref());
-    if strokes.is_some() && thinned.0.members.is_empty() { thin(search, best, blocks, None) } else { thinned }
+    let gate = Gate { search, blocks, strokes: strokes.as_ref() };
+    let thinned = gate.thin_and_grow(best);
+    if strokes.is_some() && thinned.0.members.is_empty() {
+        Gate { strokes: None, ..gate }.thin_and_grow(best)
+    } else {
+        thinned
+    }
 }
 
-fn thin(search: &Search, best: &Fit, blocks: &Blocks, strokes: Option<&Blocks>) -> (Fit, HeldOut) {
-    let signal = search.signal;
-    let judge = |fit: &Fit| {
-        let on_strokes = strokes.map(|strokes| held_out(signal, fit, search.loss, strokes, 3));
-        (held_out(signal, fit, search.loss, blocks, 3), on_strokes)
-    };
-    let mut current = best.clone();
-    let mut own = judge(&current);
-    while !current.members.is_empty() {
-        let parts: Vec<_> = current
-            .kinds()
-            .par_iter()
-            .map(|kind| {
-                let without = search.part(&current, |own| own != *kind, 8);
-                let held = judge(&without);
-                (*kind, without, held)
-            })
-            .collect();
-        let is_alone = parts.len() == 1;
-        let mut weakest: Option<(f64, Fit, _)> = None;
-        for (kind, without, held) in parts {
-            let (part, mut stands) = pays(kind, &held.0, &own.0);
-            if let (Some(held), Some(own), false) = (&held.1, &own.1, is_alone) {
-                stands &= pays(kind, held, own).1;
-            }
-            let place = current.members.iter().position(|m| m.kind == kind);
-            let imitates = place.is_some_and(|i| current.member_imitates(signal, i));
-            if (imitates || !stands) && weakest.as_ref().is_none_or(|(least, ..)| part < *least) {
-                weakest = Some((part, without, held));
-            }
-        }
-        let Some((_, without, held)) = weakest else { break };
-        (current, own) = (without, held);
+/// On what a list is judged.
+#[derive(Clone, Copy)]
+struct Gate<'a> {
+    search: &'a Search<'a>,
+    blocks: &'a Blocks,
+    strokes: Option<&'a Blocks>,
+}
+
+/// Errors on blocks, and on strokes where there are few.
+type Judged = (HeldOut, Option<HeldOut>);
+
+impl Gate<'_> {
+    fn judge(&self, fit: &Fit) -> Judged {
+        let on = |blocks: &Blocks| held_out(self.search.signal, fit, self.search.loss, blocks, 3);
+        (on(self.blocks), self.strokes.map(on))
     }
-    (current, own.0)
+
+    /// Thins a list, and takes back what pays once the others are gone: one that was fitted too closely may have hidden it.
+    fn thin_and_grow(&self, best: &Fit) -> (Fit, HeldOut) {
+        let (mut current, mut own) = self.thin(best);
+        for _ in 0..best.members.len() {
+            let has = |kind: Kind| current.members.iter().any(|m| m.kind == kind);
+            let grown: Vec<_> = best
+                .kinds()
+                .into_par_iter()
+                .filter(|kind| !has(*kind))
+                .map(|kind| {
+                    let with = self.search.part(best, |other| other == kind || has(other), 8);
+                    let held = self.judge(&with);
+                    (kind, with, held)
+                })
+                .collect();
+            let pays = |(kind, with, held): (Kind, Fit, Judged)| {
+                let (part, stands) = pays(kind, &own.0, &held.0);
+                (stands && !with.imitates(self.search.signal)).then_some((part, with))
+            };
+            let most = grown.into_iter().filter_map(pays).max_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, with)) = most else { break };
+            let grown = self.thin(&with);
+            if grown.0.kinds() == current.kinds() {
+                break;
+            }
+            (current, own) = grown;
+        }
+        (current, own.0)
+    }
+
+    fn thin(&self, best: &Fit) -> (Fit, Judged) {
+        let signal = self.search.signal;
+        let mut current = best.clone();
+        let mut own = self.judge(&current);
+        while !current.members.is_empty() {
+            let parts: Vec<_> = current
+                .kinds()
+                .par_iter()
+                .map(|kind| {
+                    let without = self.search.part(&current, |own| own != *kind, 8);
+                    let held = self.judge(&without);
+                    (*kind, without, held)
+                })
+                .collect();
+            let is_alone = parts.len() == 1;
+            let mut weakest: Option<(f64, Fit, Judged)> = None;
+            for (kind, without, held) in parts {
+                let (part, mut stands) = pays(kind, &held.0, &own.0);
+                if let (Some(held), Some(own), false) = (&held.1, &own.1, is_alone) {
+                    stands &= pays(kind, held, own).1;
+                }
+                let place = current.members.iter().position(|m| m.kind == kind);
+                let imitates = place.is_some_and(|i| current.member_imitates(signal, i));
+                if (imitates || !stands) && weakest.as_ref().is_none_or(|(least, ..)| part < *least) {
+                    weakest = Some((part, without, held));
+                }
+            }
+            let Some((_, without, held)) = weakest else { break };
+            (current, own) = (without, held);
+        }
+        (current, own)
+    }
 }
 
 /// The part of what is left without a member that it takes away, and whether that is enough.

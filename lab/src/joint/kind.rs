@@ -280,7 +280,34 @@ impl Kind {
 
     /// Whether it can only lose motion: what it does to the position has the sign of the gain.
     pub fn lags_behind(self) -> bool {
-        matches!(self, Self::BoucWen | Self::Plays | Self::UnevenPlays)
+        matches!(self, Self::BoucWen | Self::Plays | Self::UnevenPlays | Self::LoadFriction)
+    }
+
+    /// Whether it depends on the position that those before it pass on.
+    fn sees_position(self) -> bool {
+        !matches!(
+            self,
+            Self::Coupling(_)
+                | Self::Offset
+                | Self::LinearDrift
+                | Self::WarmUp
+                | Self::Jump
+                | Self::Wander
+                | Self::Rhythm
+                | Self::OtherSquare(_)
+                | Self::OtherPlay(_)
+        )
+    }
+
+    /// Whether it is one thing to stand before another effect and another to stand behind it. What adds goes around those behind it, so
+    /// that two that add are the same both ways; a delay before what changes the position is the same as one behind it.
+    pub fn has_order_with(self, other: Self) -> bool {
+        match (self.carries(), other.carries()) {
+            (false, false) => false,
+            (true, true) => self != Self::Latency && other != Self::Latency,
+            (true, false) => other.sees_position(),
+            (false, true) => self.sees_position(),
+        }
     }
 
     /// Amplitudes that are solved for.
@@ -309,7 +336,11 @@ impl Kind {
             Self::SecondOrder => vec![log(0.5, 200.0_f64.min(1.0 / dt)), log(0.15, 3.0)],
             Self::RateLimit => vec![log(0.02 * s.fast, 1.2 * s.fast)],
             Self::Backlash => vec![log(2e-3 * r, WIDEST_PLAY * r)],
-            Self::BoucWen | Self::Plays => vec![log(2e-3 * r, WIDEST_WEIGHTED * r)],
+            Self::BoucWen => {
+                let unloading = Range { low: 0.0, high: 0.5, scale: Coordinates::Linear(0.5), ends_matter: false };
+                vec![log(2e-3 * r, WIDEST_WEIGHTED * r), unloading]
+            }
+            Self::Plays => vec![log(2e-3 * r, WIDEST_WEIGHTED * r)],
             Self::UnevenPlays => {
                 let most = MOST_UNEVEN / (0.5 * r);
                 let scale = Coordinates::Linear(most);
@@ -375,7 +406,8 @@ impl Kind {
             Self::Lag => one(steps(0, 12)),
             Self::SecondOrder => two(steps(0, 9), steps(1, 5)),
             Self::RateLimit | Self::LoadFriction => one(steps(0, 9)),
-            Self::Backlash | Self::BoucWen | Self::Plays => one(steps(0, 14)),
+            Self::Backlash | Self::Plays => one(steps(0, 14)),
+            Self::BoucWen => two(steps(0, 14), vec![ranges[1].low, ranges[1].high]),
             Self::UnevenPlays => {
                 let bends = [-0.5, 0.5].map(|part| part * ranges[1].high);
                 two(steps(0, 8), bends.to_vec())

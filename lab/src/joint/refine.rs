@@ -1,6 +1,6 @@
 //! The nonlinear part of a fit: Levenberg and Marquardt's method on the projected residual, on logarithms of the parameters.
 
-use super::kind::Kind;
+use super::kind::{Class, Kind};
 use super::signal::Signal;
 use super::simulate::{Member, Run, Varies};
 use super::solve::{Design, Solution, evaluate, solve, weighted_normal};
@@ -38,6 +38,10 @@ enum Coordinate {
 const REACH: f64 = 3e-3;
 const LONGEST: f64 = 0.7;
 const TRIES: usize = 5;
+/// A shorter delay, in rows, is not told from what a slow effect does between them.
+const SHORTEST_DELAY: f64 = 0.25;
+/// What is left of a slow effect's delay once measurements that come ahead have taken it back, as a part of it.
+pub(super) const UNDONE: f64 = 0.25;
 /// A number changes at most by this part of itself over half the range of a column.
 pub(super) const STEEPEST: f64 = 0.9;
 
@@ -52,12 +56,13 @@ impl Fit {
         self.solution.square
     }
 
-    /// Parameters beyond gain and offset; a start state, known within bounds, counts half.
+    /// Parameters beyond gain and offset; a start state and a shape of unloading, known within bounds, count half.
     pub fn n_parameters(&self) -> f64 {
         let of = |m: &Member| {
             let starts = if m.starts.is_empty() { 0.0 } else { 0.5 + 0.25 * (m.starts.len() as f64 - 1.0).min(6.0) };
             let slopes = f64::from(u8::from(m.varies.is_some()));
-            m.values.len() as f64 + m.kind.n_linear() as f64 + starts + slopes
+            let bounded = if m.kind == Kind::BoucWen { 0.5 } else { 0.0 };
+            m.values.len() as f64 - bounded + m.kind.n_linear() as f64 + starts + slopes
         };
         self.members.iter().map(of).sum()
     }
@@ -77,6 +82,8 @@ impl Fit {
             || is_motion
             || own.kind == Kind::Periodic && (self.is_beyond_its_period(i) || is_line_on_levels(signal, own.values[0]))
             || own.kind.is_plainer(&own.values, signal)
+            || own.kind == Kind::Latency && self.is_within_a_row(signal, own.values[0])
+            || self.is_undone(own)
             || own.kind.lags_behind() && self.amplitudes(i).iter().any(|a| a * self.solution.gains[0] < 0.0)
     }
 
@@ -84,6 +91,25 @@ impl Fit {
     fn is_beyond_its_period(&self, i: usize) -> bool {
         let size = self.amplitudes(i).iter().map(|a| a * a).sum::<f64>().sqrt();
         size > self.members[i].values[0] * self.solution.gains[0].abs()
+    }
+
+    /// Whether a delay beside a slow effect is so short that the rows are too coarse for it: what the slow effect does between them is not
+    /// known so well.
+    fn is_within_a_row(&self, signal: &Signal, delay_s: f64) -> bool {
+        let is_slow = |own: &Member| own.kind != Kind::Latency && own.kind.class() == Class::Rate;
+        delay_s.abs() < SHORTEST_DELAY * signal.typical_step_s && self.members.iter().any(is_slow)
+    }
+
+    /// Whether measurements that come ahead take back what a slow effect is late by: both together only smooth the command, which one
+    /// that was rounded looks like.
+    fn is_undone(&self, own: &Member) -> bool {
+        let late_s = match (own.kind, own.values.as_slice()) {
+            (Kind::Lag, [time_s]) => *time_s,
+            (Kind::SecondOrder, [frequency, damping]) => 2.0 * damping / frequency,
+            _ => return false,
+        };
+        let is_back = |other: &Member| other.is_ahead() && (other.values[0] + late_s).abs() < UNDONE * late_s;
+        self.members.iter().any(is_back)
     }
 
     /// Amplitudes of a member's columns.

@@ -37,6 +37,8 @@ pub(super) struct Search<'a> {
 const PRICE: f64 = 2.0;
 /// What a shape without a name costs more than an effect, in parameters: known effects are likelier.
 const SURCHARGE: f64 = 2.0;
+/// What an order of the chain other than the usual one costs, in the same units: it is one of several.
+const PRICE_OF_ORDER: f64 = 4.0;
 /// The same for records of few independent rows.
 const PRICE_OF_SHORT: f64 = 3.0;
 const SHORT: f64 = 60.0;
@@ -175,9 +177,34 @@ impl<'a> Search<'a> {
         fits.min_by(|a, b| a.square().total_cmp(&b.square()))
     }
 
-    /// The best places of a new member's grid with the others held.
+    /// The best places of a new member's grid with the others held, in its usual place of the chain or where it leaves clearly less.
     fn starts(&self, members: &[Member], kind: Kind, keep: usize) -> Vec<Vec<Member>> {
-        let at = members.iter().position(|own| own.kind > kind).unwrap_or(members.len());
+        let usual = members.iter().position(|own| own.kind > kind).unwrap_or(members.len());
+        let mut best = self.starts_at(usual, members, kind, keep);
+        // What adds costs little to try; of the others hysteresis stands most often where it is not looked for.
+        let others = (0..=members.len()).filter(|at| {
+            let between = &members[*at.min(&usual)..*at.max(&usual)];
+            let first = if *at < usual { between.first() } else { between.last() };
+            (!kind.carries() || kind == Kind::Backlash) && first.is_some_and(|own| kind.has_order_with(own.kind))
+        });
+        for at in others {
+            let there = self.starts_at(at, members, kind, keep);
+            if let (Some(other), Some(own)) = (there.first(), best.first())
+                && self.is_clearly_less(other.0, own.0)
+            {
+                best = there;
+            }
+        }
+        best.into_iter().map(|(_, list)| list).collect()
+    }
+
+    /// Whether another order of the chain leaves so much less that it is taken, by sums of squares.
+    fn is_clearly_less(&self, other: f64, usual: f64) -> bool {
+        self.n_effective * (usual / other.max(1e-300)).ln() > PRICE_OF_ORDER
+    }
+
+    /// The same in one place of the chain, each with its sum of squares.
+    fn starts_at(&self, at: usize, members: &[Member], kind: Kind, keep: usize) -> Vec<(f64, Vec<Member>)> {
         let with = |member: Member| {
             let mut list = members.to_vec();
             list.insert(at, member);
@@ -185,7 +212,8 @@ impl<'a> Search<'a> {
         };
         let grid = kind.grid(self.signal);
         if kind.ranges(self.signal).is_empty() {
-            return vec![with(Member::new(self.signal, kind, &[], 0.0))];
+            let list = with(Member::new(self.signal, kind, &[], 0.0));
+            return vec![(as_given(self.signal, &list, self.loss).square(), list)];
         }
         let starts: &[f64] = if kind.has_start() { &[0.0, -1.0, 1.0] } else { &[0.0] };
         let cells = grid.iter().flat_map(|values| starts.iter().map(move |start| (values, *start)));
@@ -208,28 +236,28 @@ impl<'a> Search<'a> {
             .collect();
         scored.sort_by(|a, b| a.0.total_cmp(&b.0));
         let ranges = kind.ranges(self.signal);
-        let mut picked: Vec<Member> = Vec::new();
-        for (_, member) in scored {
+        let mut picked: Vec<(f64, Member)> = Vec::new();
+        for (square, member) in scored {
             let place = |m: &Member| ranges[0].coordinate(m.values[0]);
             let far = |other: &Member| {
                 matches!(kind, Kind::Periodic | Kind::Rhythm) || (place(other) - place(&member)).abs() > APART
             };
-            if picked.len() < keep && picked.iter().all(far) {
-                picked.push(member);
+            if picked.len() < keep && picked.iter().all(|(_, own)| far(own)) {
+                picked.push((square, member));
             }
         }
-        picked.into_iter().map(with).collect()
+        picked.into_iter().map(|(square, member)| (square, with(member))).collect()
     }
 
     /// A longer fit; every member from its whole grid again with the others held, which leaves local minima.
     pub fn deepen(&self, fit: &Fit) -> Fit {
-        let mut best = refine(self.signal, &fit.members, self.loss, 15, 1e-5, true);
-        for kind in fit.kinds() {
+        let mut best = self.in_best_order(refine(self.signal, &fit.members, self.loss, 15, 1e-5, true));
+        for (place, kind) in best.members.iter().map(|own| own.kind).enumerate().collect::<Vec<_>>() {
             if matches!(kind, Kind::Periodic | Kind::Rhythm) || kind.ranges(self.signal).is_empty() {
                 continue;
             }
             let rest: Vec<Member> = best.members.iter().filter(|own| own.kind != kind).cloned().collect();
-            for start in self.starts(&rest, kind, 1) {
+            for (_, start) in self.starts_at(place, &rest, kind, 1) {
                 if as_given(self.signal, &start, self.loss).square() < 1.3 * best.square() {
                     let again = refine(self.signal, &start, self.loss, 10, 1e-5, true);
                     if again.square() < best.square() {
@@ -239,6 +267,20 @@ impl<'a> Search<'a> {
             }
         }
         polish(self.signal, best, self.loss)
+    }
+
+    /// A list with its members in another order of the chain, where that leaves clearly less.
+    fn in_best_order(&self, mut best: Fit) -> Fit {
+        for _ in 0..best.members.len() {
+            let moved = orders(&best.members);
+            let fits = moved.iter().map(|members| refine(self.signal, members, self.loss, 5, 1e-5, true));
+            let other = fits.min_by(|a, b| a.square().total_cmp(&b.square()));
+            match other.filter(|own| self.is_clearly_less(own.square(), best.square())) {
+                Some(other) => best = other,
+                None => break,
+            }
+        }
+        best
     }
 
     /// Every member replaced or left out, or one more, until nothing gets better.
@@ -297,6 +339,27 @@ impl<'a> Search<'a> {
         };
         self.candidates.iter().copied().filter(may).collect()
     }
+}
+
+/// The orders of a list with one member moved, to just behind or just before one with which it has an order.
+fn orders(members: &[Member]) -> Vec<Vec<Member>> {
+    let mut all: Vec<Vec<Member>> = Vec::new();
+    for (first, second) in (0..members.len()).flat_map(|j| (0..j).map(move |i| (i, j))) {
+        if !members[first].kind.has_order_with(members[second].kind) {
+            continue;
+        }
+        let mut behind = members.to_vec();
+        behind[first..=second].rotate_left(1);
+        let mut before = members.to_vec();
+        before[first..=second].rotate_right(1);
+        for list in [behind, before] {
+            let order = |own: &[Member]| own.iter().map(|m| m.kind).collect::<Vec<Kind>>();
+            if !all.iter().any(|other| order(other) == order(&list)) {
+                all.push(list);
+            }
+        }
+    }
+    all
 }
 
 /// The fit that leaves least.

@@ -154,18 +154,21 @@ pub(super) fn columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
 fn steady_columns(s: &Signal, member: &Member, x: &[f64]) -> Vec<Vec<f64>> {
     let values = &member.values;
     let on_rows = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { s.rows.iter().map(|&row| of(row)).collect() };
-    let own = &s.inputs[s.joint];
     let middle = s.low + 0.5 * s.range;
     // Positions from -1 to 1 where the command is within its range.
     let unit = |row: usize| (x[row] - middle) / (0.5 * s.range);
     match member.kind {
         Kind::Coupling(from) => vec![on_rows(&|row| s.inputs[from][row])],
-        Kind::Periodic => waves(s, |row| TAU * own[row] / values[0]),
+        Kind::Periodic => waves(s, |row| TAU * x[row] / values[0]),
         Kind::BoucWen => {
             let (mut z, mut last) = (0.0, 0.0);
             let all: Vec<f64> = (0..x.len())
                 .map(|k| {
-                    z = if s.fresh[k] { member.starts[s.trial[k]] } else { bouc_wen(z, x[k] - last, values[0], 0.0) };
+                    z = if s.fresh[k] {
+                        member.starts[s.trial[k]]
+                    } else {
+                        bouc_wen(z, x[k] - last, values[0], values[1])
+                    };
                     last = x[k];
                     z
                 })

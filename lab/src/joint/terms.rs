@@ -174,7 +174,7 @@ fn of_member(
         Kind::SecondOrder => vec![shape("frequency_rad_per_s", 0, 1.0), shape("damping", 1, 1.0)],
         Kind::RateLimit => vec![shape("rate", 0, 1.0)],
         Kind::Backlash => vec![shape("half_width", 0, 1.0)],
-        Kind::BoucWen => vec![amplitude("amplitude", 0, 1.0 / gain), shape("travel", 0, 1.0), fixed("gamma", 0.0)],
+        Kind::BoucWen => vec![amplitude("amplitude", 0, 1.0 / gain), shape("travel", 0, 1.0), shape("gamma", 1, 1.0)],
         Kind::Plays => vec![
             amplitude("weight1", 0, 1.0 / gain),
             shape("half_width1", 0, 1.0),

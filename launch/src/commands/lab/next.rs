@@ -95,7 +95,7 @@ fn additions(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> S
             }
             None => {
                 let set = effect.joint.map_or(String::new(), |joint| format!(" --set joint={joint}"));
-                format!("add {}{set}{}{free}", effect.name, by(&diagnosis.variations, effect))
+                format!("add {}{set}{}{}{free}", effect.name, centre(effect), by(&diagnosis.variations, effect))
             }
         };
         commands.push(words(&verb, &args.files, &model, &format!("--out {}", shell(&out))));
@@ -114,6 +114,12 @@ fn own_formula(name: &str, text: &FormulaText, values: &[f64]) -> String {
     let columns: String = columns.map(|own| format!(" --column {}", quoted(&own))).collect();
     let (name, hook) = (quoted(name), text.hook.word());
     format!("add formula --name {name} --hook {hook} --formula {}{params}{columns}", quoted(&text.text))
+}
+
+/// A curve with a centre that was fitted: by itself the command leaves it in the middle of the motion.
+fn centre(effect: &FoundEffect) -> String {
+    let centre = effect.parameters.iter().find(|own| own.name == "centre" && own.is_free && effect.name == "cubic");
+    centre.map_or(String::new(), |own| format!(" --free cubic,centre --set centre={:.4}", own.value))
 }
 
 /// How the command names the column that a number of an effect depends on.
