@@ -15,16 +15,16 @@ pub struct ReplayArgs {
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     pub pass: u64,
     /// How many times as fast as it was recorded, or `max`: as fast as the processes go.
-    #[arg(long, default_value = "1", value_parser = parse_speed, value_name = "N|max")]
+    #[arg(long, default_value = "1", value_parser = parse_speed, value_name = "N|max", allow_negative_numbers = true)]
     pub speed: Speed,
     /// One sample for each line on standard input.
     #[arg(long, conflicts_with = "speed")]
     pub step: bool,
     /// Begin here, s after the first sample.
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true)]
     pub from: f64,
     /// End here, s after the first sample.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub to: Option<f64>,
     /// Play it so often.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]

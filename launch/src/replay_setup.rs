@@ -11,7 +11,7 @@ use krait_model::Snake;
 use krait_record::Recording;
 use krait_replay::{
     Beginning, InputChoice, InputTrack, MachinePose, Program, ReplayError, Score, Steering, Trajectory,
-    TrajectoryLimits,
+    TrajectoryLimits, end_of_range,
 };
 use krait_slave::{DriveConfig, DriveKind, ShapeSource};
 use std::path::{Path, absolute};
@@ -47,7 +47,8 @@ impl ReplaySetup {
     pub fn of(common: &Common, args: &ReplayArgs, folder: &Path) -> anyhow::Result<Self> {
         let to_s = args.to.unwrap_or(f64::INFINITY);
         if !(args.from >= 0.0 && args.from < to_s) {
-            bail!("--from {} --to {to_s}: expected 0 or later, and an end after the beginning", args.from);
+            let to = args.to.map_or(String::new(), |to_s| format!(" --to {to_s}"));
+            bail!("--from {}{to}: expected 0 s or later, and an end after the beginning", args.from);
         }
         let is_table = args.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
         if is_table { Self::of_table(common, args, to_s) } else { Self::of_recording(common, args, to_s, folder) }
@@ -99,9 +100,10 @@ impl ReplaySetup {
         };
         let Some(trajectory) = trajectory.between(args.from, to_s) else {
             bail!(
-                "trajectory {}: nothing of it lies between --from {} and --to {to_s}",
+                "trajectory {}: nothing of it lies between --from {} s and {}",
                 args.file.display(),
-                args.from
+                args.from,
+                end_of_range(to_s)
             );
         };
         let start = (trajectory.start(), found);

@@ -77,7 +77,7 @@ pub enum ReplayError {
         n_passes: u64,
     },
     /// Nothing was recorded in the time asked for.
-    #[error("no operator input lies between --from {from_s} and --to {to_s}")]
+    #[error("no operator input lies between --from {from_s} s and {}", end_of_range(*to_s))]
     EmptyRange {
         /// Where it begins, s after the first input.
         from_s: f64,
@@ -169,4 +169,10 @@ pub enum ReplayError {
     /// A trajectory was refused.
     #[error(transparent)]
     Trajectory(#[from] crate::TrajectoryError),
+}
+
+/// The end of a part of a recording, for sentences: nobody types an infinite one.
+#[must_use]
+pub fn end_of_range(to_s: f64) -> String {
+    if to_s.is_finite() { format!("--to {to_s} s") } else { "the end".to_owned() }
 }

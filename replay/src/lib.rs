@@ -31,7 +31,7 @@ mod verifier;
 mod window;
 
 pub use difference::Difference;
-pub use error::ReplayError;
+pub use error::{ReplayError, end_of_range};
 pub use input_track::{Beginning, InputChoice, InputTrack, TrackCounts};
 pub use keeper::Keeper;
 pub use learning::LearningVerifier;

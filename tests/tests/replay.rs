@@ -519,13 +519,14 @@ fn what_cannot_be_played_is_refused_with_one_sentence() {
     let text = folder.file("notes.mcap");
     std::fs::write(&text, "no recording").expect("written");
     let flick = shipped();
-    let cases: [(&[&str], &[&str]); 10] = [
+    let cases: [(&[&str], &[&str]); 11] = [
         (&[&table], &["path.csv, line 3, column 2", "\"ten\""]),
         (&[&text], &["notes.mcap"]),
         (&["/nowhere/run.mcap"], &["/nowhere/run.mcap"]),
         (&[&flick, "--pass", "2"], &["--pass 2", "it holds 1 pass"]),
         (&[&flick, "--from", "2", "--to", "1"], &["--from 2 --to 1"]),
-        (&[&flick, "--from", "500"], &["no operator input lies between"]),
+        (&[&flick, "--from", "500"], &["no operator input lies between --from 500 s and the end"]),
+        (&[&flick, "--from", "-1"], &["--from -1: expected 0 s or later"]),
         (&[&flick, "--model", "/nowhere/better.toml"], &["/nowhere/better.toml", "could not be read"]),
         (&[&flick, "--real-time"], &["--real-time without --engage", "add --engage"]),
         (&[&flick, "--real-time", "--engage", "--speed", "max"], &["--real-time", "needs a speed"]),

@@ -49,7 +49,12 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
         said.push(format!("the inputs reverse {reversals} times, and {untold}"));
     }
     if n_outliers > 0 {
-        said.push(format!("{n_outliers} rows stand out from their neighbours and were left out"));
+        let what = if n_outliers == 1 {
+            "row stands out from its neighbours and was"
+        } else {
+            "rows stand out from their neighbours and were"
+        };
+        said.push(format!("{n_outliers} {what} left out"));
     }
     said
 }

@@ -41,7 +41,7 @@ pub(super) fn find(columns: &[Column], given: Option<usize>) -> Result<Found, St
     let of = |wanted: bool| columns.iter().enumerate().filter(named(wanted)).map(|(place, _)| place).find(rises);
     let by_name = of(true);
     let Some(place) = given.or(by_name).or_else(|| of(false)) else {
-        return Err("no column holds the time, expected one that rises from row to row; add one, or name it with --map time_s=NAME:UNIT".to_owned());
+        return Err(none(columns));
     };
     let column = columns.get(place).ok_or("the columns have changed")?;
     let step = rising_step(column).ok_or_else(|| {
@@ -65,6 +65,25 @@ pub(super) fn find(columns: &[Column], given: Option<usize>) -> Result<Found, St
             let why = format!("{how}; {:.4} rows a second", 1.0 / (step * unit.factor));
             Ok(Found { place, unit, step_s: step * unit.factor, why, is_guess: true })
         }
+    }
+}
+
+/// Why no column is the time.
+fn none(columns: &[Column]) -> String {
+    let n_rows = columns.iter().map(|own| own.looked.values.len()).max().unwrap_or(0);
+    if n_rows < 2 {
+        let found = if n_rows == 0 { "is no row" } else { "is one row" };
+        return format!("there {found} below the names, expected 10 or more; give a file with measurements");
+    }
+    let text = columns.iter().find(|own| matches!(own.guess, Guess::Time) && own.looked.n_texts > 0);
+    match text {
+        Some(own) => format!(
+            "column {:?} is named as the time, and {} of its cells hold no number; write it in seconds, or as stamps since 1970",
+            own.name(),
+            own.looked.n_texts
+        ),
+        None => "no column holds the time, expected one that rises from row to row; add one, or name it with --map time_s=NAME:UNIT"
+            .to_owned(),
     }
 }
 

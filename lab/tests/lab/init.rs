@@ -298,6 +298,9 @@ fn what_contradicts_itself_is_refused_in_one_sentence() {
         &["\"u1_deg\" never change", "motion"],
     );
     refused("no_time", run("a,u1_deg,y1_deg", |t| format!("1,{}", wave(t))), &[], &["no column holds the time"]);
+    refused("one_row", "time_s,u1_deg,y1_deg\n0,1,1\n", &[], &["there is one row below the names", "10 or more"]);
+    let of_day = run("time,u1_deg,y1_deg", |t| format!("00:00:{t:05.2},{}", wave(t)));
+    refused("of_day", of_day, &[], &["\"time\" is named as the time", "hold no number", "seconds"]);
     refused("no_pair", run("time_s,pressure", |t| format!("{t},{t}")), &[], &["no joint", "--map u1_deg="]);
     refused(
         "no_names",
