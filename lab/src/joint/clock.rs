@@ -2,7 +2,7 @@
 //! search finds is taken off the measurements, and all is diagnosed anew.
 
 use super::decide;
-use super::refine::UNDONE;
+use super::refine::{is_taken_back, swing_late_s};
 use crate::clock::ClockOffset;
 use crate::diagnose::{Calibration, DiagnoseOptions, Diagnosis, FoundEffect, Verdict, badness};
 use crate::machine::JointsLab;
@@ -69,11 +69,11 @@ fn takes_back(diagnosis: &Diagnosis, shift_s: f64) -> bool {
         let number = |name: &str| own.parameters.iter().find(|own| own.name == name).map(|own| own.value);
         match own.name.as_str() {
             "first-order-lag" => number("time_s"),
-            "second-order" => Some(2.0 * number("damping")? / number("frequency_rad_per_s")?),
+            "second-order" => Some(swing_late_s(number("frequency_rad_per_s")?, number("damping")?)),
             _ => None,
         }
     };
-    diagnosis.effects.iter().filter_map(late_s).any(|late_s| (late_s - shift_s).abs() < UNDONE * late_s)
+    diagnosis.effects.iter().filter_map(late_s).any(|late_s| is_taken_back(late_s, shift_s))
 }
 
 /// By how much they do together, s.

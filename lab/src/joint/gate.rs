@@ -149,9 +149,12 @@ struct Gate<'a> {
 type Judged = (HeldOut, Option<HeldOut>);
 
 impl Gate<'_> {
+    fn on(&self, blocks: &Blocks, fit: &Fit) -> HeldOut {
+        held_out(self.search.signal, fit, self.search.loss, blocks, 3)
+    }
+
     fn judge(&self, fit: &Fit) -> Judged {
-        let on = |blocks: &Blocks| held_out(self.search.signal, fit, self.search.loss, blocks, 3);
-        (on(self.blocks), self.strokes.map(on))
+        (self.on(self.blocks, fit), self.strokes.map(|strokes| self.on(strokes, fit)))
     }
 
     /// Thins a list, and takes back what pays once the others are gone: one that was fitted too closely may have hidden it.
@@ -159,21 +162,14 @@ impl Gate<'_> {
         let (mut current, mut own) = self.thin(best);
         for _ in 0..best.members.len() {
             let has = |kind: Kind| current.members.iter().any(|m| m.kind == kind);
-            let grown: Vec<_> = best
-                .kinds()
-                .into_par_iter()
-                .filter(|kind| !has(*kind))
-                .map(|kind| {
-                    let with = self.search.part(best, |other| other == kind || has(other), 8);
-                    let held = self.judge(&with);
-                    (kind, with, held)
-                })
-                .collect();
-            let pays = |(kind, with, held): (Kind, Fit, Judged)| {
-                let (part, stands) = pays(kind, &own.0, &held.0);
+            // On blocks alone: what does not pay on strokes is thinned out again.
+            let grow = |kind: Kind| {
+                let with = self.search.part(best, |other| other == kind || has(other), 8);
+                let (part, stands) = pays(kind, &own.0, &self.on(self.blocks, &with));
                 (stands && !with.imitates(self.search.signal)).then_some((part, with))
             };
-            let most = grown.into_iter().filter_map(pays).max_by(|a, b| a.0.total_cmp(&b.0));
+            let grown: Vec<_> = best.kinds().into_par_iter().filter(|kind| !has(*kind)).filter_map(grow).collect();
+            let most = grown.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
             let Some((_, with)) = most else { break };
             let grown = self.thin(&with);
             if grown.0.kinds() == current.kinds() {

@@ -41,7 +41,7 @@ const TRIES: usize = 5;
 /// A shorter delay, in rows, is not told from what a slow effect does between them.
 const SHORTEST_DELAY: f64 = 0.25;
 /// What is left of a slow effect's delay once measurements that come ahead have taken it back, as a part of it.
-pub(super) const UNDONE: f64 = 0.25;
+const UNDONE: f64 = 0.25;
 /// A number changes at most by this part of itself over half the range of a column.
 pub(super) const STEEPEST: f64 = 0.9;
 
@@ -105,11 +105,10 @@ impl Fit {
     fn is_undone(&self, own: &Member) -> bool {
         let late_s = match (own.kind, own.values.as_slice()) {
             (Kind::Lag, [time_s]) => *time_s,
-            (Kind::SecondOrder, [frequency, damping]) => 2.0 * damping / frequency,
+            (Kind::SecondOrder, [frequency, damping]) => swing_late_s(*frequency, *damping),
             _ => return false,
         };
-        let is_back = |other: &Member| other.is_ahead() && (other.values[0] + late_s).abs() < UNDONE * late_s;
-        self.members.iter().any(is_back)
+        self.members.iter().any(|other| other.is_ahead() && is_taken_back(late_s, -other.values[0]))
     }
 
     /// Amplitudes of a member's columns.
@@ -117,6 +116,16 @@ impl Fit {
         let from: usize = self.members[..i].iter().map(|own| own.kind.n_linear()).sum();
         &self.solution.amplitudes[from..from + self.members[i].kind.n_linear()]
     }
+}
+
+/// How late a swing is, s, as far as its motion is slow.
+pub(super) fn swing_late_s(frequency_rad_per_s: f64, damping: f64) -> f64 {
+    2.0 * damping / frequency_rad_per_s
+}
+
+/// Whether measurements that come so far ahead take back what an effect is late by.
+pub(super) fn is_taken_back(late_s: f64, ahead_s: f64) -> bool {
+    (late_s - ahead_s).abs() < UNDONE * late_s
 }
 
 /// Where a straight line has more than this share of a wave's squares, it is no wave.

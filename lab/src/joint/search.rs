@@ -3,8 +3,8 @@
 use super::kind::Kind;
 use super::refine::{Fit, Loss, as_given, kinds, polish, refine};
 use super::signal::Signal;
-use super::simulate::Member;
-use super::solve::{Design, evaluate, solve, weighted_normal};
+use super::simulate::{Member, Run};
+use super::solve::{Design, Solution, evaluate, solve, weighted_normal};
 use crate::diagnose::screen::{orthonormal, remove};
 use crate::noise::autocorrelation_time;
 use nalgebra::{DMatrix, DVector};
@@ -180,7 +180,8 @@ impl<'a> Search<'a> {
     /// The best places of a new member's grid with the others held, in its usual place of the chain or where it leaves clearly less.
     fn starts(&self, members: &[Member], kind: Kind, keep: usize) -> Vec<Vec<Member>> {
         let usual = members.iter().position(|own| own.kind > kind).unwrap_or(members.len());
-        let mut best = self.starts_at(usual, members, kind, keep);
+        let here = evaluate(self.signal, members, self.loss.weight, self.loss.noise);
+        let mut best = self.starts_at(usual, members, &here, kind, keep);
         // What adds costs little to try; of the others hysteresis stands most often where it is not looked for.
         let others = (0..=members.len()).filter(|at| {
             let between = &members[*at.min(&usual)..*at.max(&usual)];
@@ -188,7 +189,7 @@ impl<'a> Search<'a> {
             (!kind.carries() || kind == Kind::Backlash) && first.is_some_and(|own| kind.has_order_with(own.kind))
         });
         for at in others {
-            let there = self.starts_at(at, members, kind, keep);
+            let there = self.starts_at(at, members, &here, kind, keep);
             if let (Some(other), Some(own)) = (there.first(), best.first())
                 && self.is_clearly_less(other.0, own.0)
             {
@@ -203,8 +204,15 @@ impl<'a> Search<'a> {
         self.n_effective * (usual / other.max(1e-300)).ln() > PRICE_OF_ORDER
     }
 
-    /// The same in one place of the chain, each with its sum of squares.
-    fn starts_at(&self, at: usize, members: &[Member], kind: Kind, keep: usize) -> Vec<(f64, Vec<Member>)> {
+    /// The same in one place of the chain, each with its sum of squares; `here` is what the others make.
+    fn starts_at(
+        &self,
+        at: usize,
+        members: &[Member],
+        here: &(Run, Design, Solution),
+        kind: Kind,
+        keep: usize,
+    ) -> Vec<(f64, Vec<Member>)> {
         let with = |member: Member| {
             let mut list = members.to_vec();
             list.insert(at, member);
@@ -217,7 +225,6 @@ impl<'a> Search<'a> {
         }
         let starts: &[f64] = if kind.has_start() { &[0.0, -1.0, 1.0] } else { &[0.0] };
         let cells = grid.iter().flat_map(|values| starts.iter().map(move |start| (values, *start)));
-        let here = evaluate(self.signal, members, self.loss.weight, self.loss.noise);
         let mut scored: Vec<(f64, Member)> = cells
             .map(|(values, start)| {
                 let member = Member::new(self.signal, kind, values, start);
@@ -257,7 +264,8 @@ impl<'a> Search<'a> {
                 continue;
             }
             let rest: Vec<Member> = best.members.iter().filter(|own| own.kind != kind).cloned().collect();
-            for (_, start) in self.starts_at(place, &rest, kind, 1) {
+            let here = evaluate(self.signal, &rest, self.loss.weight, self.loss.noise);
+            for (_, start) in self.starts_at(place, &rest, &here, kind, 1) {
                 if as_given(self.signal, &start, self.loss).square() < 1.3 * best.square() {
                     let again = refine(self.signal, &start, self.loss, 10, 1e-5, true);
                     if again.square() < best.square() {
