@@ -12,6 +12,7 @@ mod cells;
 mod clock;
 pub mod compare;
 pub mod diagnose;
+mod digits;
 mod error;
 pub mod experiment;
 pub mod fit;

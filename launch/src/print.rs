@@ -15,6 +15,11 @@ pub fn json<T: serde::Serialize>(figures: &T) -> anyhow::Result<()> {
     out(&format!("{text}\n"))
 }
 
+/// "1 row", "2 rows".
+pub fn counted(n: u64, one: &str) -> String {
+    format!("{n} {one}{}", if n == 1 { "" } else { "s" })
+}
+
 /// Prints figures as tables, and what to try next.
 ///
 /// # Errors

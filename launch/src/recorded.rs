@@ -21,6 +21,11 @@ pub fn instance_of(given: &str, what: &str) -> String {
     if given == USUAL_INSTANCE { format!("{what}-{}", std::process::id()) } else { given.to_owned() }
 }
 
+/// What the parts of a recording are known to lack, a sentence each.
+pub fn missing(parts: &[Recording]) -> Vec<String> {
+    parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect()
+}
+
 /// The configuration that a recording was made with; the files that it names are not there.
 ///
 /// # Errors

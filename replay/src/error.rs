@@ -69,7 +69,7 @@ pub enum ReplayError {
         what: String,
     },
     /// There is no such pass.
-    #[error("--pass {pass}: it holds {n_passes} {}", if *n_passes == 1 { "pass" } else { "passes" })]
+    #[error("{}", no_pass(*pass, *n_passes))]
     NoPass {
         /// The pass asked for, from 1.
         pass: u64,
@@ -169,6 +169,15 @@ pub enum ReplayError {
     /// A trajectory was refused.
     #[error(transparent)]
     Trajectory(#[from] crate::TrajectoryError),
+}
+
+/// A recording that holds no pass at all may be cut before the first.
+fn no_pass(pass: u64, n_passes: u64) -> String {
+    match n_passes {
+        0 => "it holds no pass: nothing ran while it was made, or it is cut before the first; `krait verify` says what it lacks".to_owned(),
+        1 => format!("--pass {pass}: it holds 1 pass"),
+        n => format!("--pass {pass}: it holds {n} passes"),
+    }
 }
 
 /// The end of a part of a recording, for sentences: nobody types an infinite one.

@@ -1,6 +1,6 @@
 //! A number of an effect that is not one number: it depends on a column beside the motion, or is another one in a recording.
 
-use super::words::digits;
+use crate::digits::digits;
 use serde_json::{Value, json};
 
 /// A number of an effect that depends on a column, or differs in one recording.

@@ -130,16 +130,16 @@ impl<'a> Cells<'a> {
         let is_beyond = column.limit.as_ref().filter(|(limit, ..)| value.abs() > *limit);
         let must_be_positive =
             matches!(column.role, Role::Sigma) && value <= 0.0 || column.role == Role::Weight && value < 0.0;
-        let implausible = |what: &str, advice: &str| ReadError::Implausible {
+        let implausible = |reason: &str| ReadError::Implausible {
             path: path.to_owned(),
             at,
             column: column.name.clone(),
             found: cell.shown(),
-            reason: format!("{what}; {advice}"),
+            reason: reason.to_owned(),
         };
         match is_beyond {
-            Some((_, what, advice)) => Err(implausible(what, advice)),
-            None if must_be_positive => Err(implausible("not positive", "leave the cell empty where it is not known")),
+            Some((_, reason)) => Err(implausible(reason)),
+            None if must_be_positive => Err(implausible("not positive; leave the cell empty where it is not known")),
             None => Ok(value),
         }
     }

@@ -5,6 +5,7 @@ use super::at::At;
 use super::cells::Cell;
 use super::dialect::Dialect;
 use super::header::Plan;
+use super::preamble::Preamble;
 use super::rows::{Rows, Table};
 use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 use std::io::{self, BufRead, BufReader, Read};
@@ -34,13 +35,15 @@ impl<R: Read> Read for Bounded<R> {
     }
 }
 
-/// A file whose first line was read.
+/// A file whose heading was read.
 pub(super) struct Opened<'a, R> {
     path: &'a Path,
     reader: Reader<BufReader<Bounded<R>>>,
     record: ByteRecord,
     pub dialect: Dialect,
     pub names: Vec<String>,
+    /// The line in which the names stand.
+    pub heading: u64,
     /// Lines that the reader counts too few.
     behind: u64,
 }
@@ -49,16 +52,23 @@ impl<'a, R: Read> Opened<'a, R> {
     pub(super) fn new(path: &'a Path, source: R) -> Result<Self, ReadError> {
         let mut source = BufReader::with_capacity(1 << 18, Bounded { source, n_left: MOST_ROW_BYTES });
         let start = source.fill_buf().map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
-        let dialect = Dialect::of(path, start)?;
+        let Preamble { n_bytes, n_lines } = Preamble::of(start);
+        let dialect = Dialect::of(path, start.get(n_bytes..).unwrap_or_default())?;
+        source.consume(n_bytes);
+        let heading = n_lines + 1;
         let mut reader = ReaderBuilder::new().has_headers(false).delimiter(dialect.delimiter).from_reader(source);
         let mut record = ByteRecord::new();
-        if !reader.read_byte_record(&mut record).map_err(|error| refusal(path, 0, error))? {
-            return Err(ReadError::NotCsv { path: path.to_owned(), line: 1, reason: "the file is empty".to_owned() });
+        if !reader.read_byte_record(&mut record).map_err(|error| refusal(path, n_lines, error))? {
+            return Err(ReadError::NotCsv {
+                path: path.to_owned(),
+                line: heading,
+                reason: "the file is empty".to_owned(),
+            });
         }
-        let names = names(path, &record)?;
+        let names = names(path, heading, &record)?;
         // Of lines that end with CR LF the reader takes the LF for the beginning of the next, and counts one too few.
-        let behind = u64::from(reader.position().line() == 1);
-        Ok(Self { path, reader, record, dialect, names, behind })
+        let behind = n_lines + u64::from(reader.position().line() == 1);
+        Ok(Self { path, reader, record, dialect, names, heading, behind })
     }
 
     /// The next row and its line.
@@ -78,7 +88,7 @@ pub(super) fn read(
     plan: impl FnOnce(At, &[String]) -> Result<Plan, ReadError>,
 ) -> Result<Table, ReadError> {
     let mut file = Opened::new(path, source)?;
-    let plan = plan(At::Line(1), &file.names)?;
+    let plan = plan(At::Line(file.heading), &file.names)?;
     let mut rows = Rows::new(path, plan, file.dialect.numbers());
     while let Some((line, record)) = file.row()? {
         rows.push(At::Line(line), |field| Cell::of_text(record.get(field).unwrap_or_default()))?;
@@ -86,12 +96,12 @@ pub(super) fn read(
     rows.end()
 }
 
-fn names(path: &Path, record: &ByteRecord) -> Result<Vec<String>, ReadError> {
+fn names(path: &Path, line: u64, record: &ByteRecord) -> Result<Vec<String>, ReadError> {
     let name = |cell: &[u8]| match std::str::from_utf8(cell.trim_ascii()) {
         Ok(name) if !name.contains('\0') => Ok(name.to_owned()),
         _ => {
             let reason = "the names of the columns are not UTF-8".to_owned();
-            Err(ReadError::NotCsv { path: path.to_owned(), line: 1, reason })
+            Err(ReadError::NotCsv { path: path.to_owned(), line, reason })
         }
     };
     record.iter().map(name).collect()
@@ -99,7 +109,7 @@ fn names(path: &Path, record: &ByteRecord) -> Result<Vec<String>, ReadError> {
 
 fn refusal(path: &Path, behind: u64, error: csv::Error) -> ReadError {
     let path = path.to_owned();
-    let line = error.position().map_or(1, |at| at.line() + behind);
+    let line = error.position().map_or(behind + 1, |at| at.line() + behind);
     match error.into_kind() {
         // The bound of a row says of itself what was expected.
         ErrorKind::Io(source) if source.kind() == io::ErrorKind::InvalidData => {

@@ -5,6 +5,7 @@ use super::column_map::{Mapping, Part};
 use super::role::{Role, Wanted};
 use super::unit::{Dimension, Unit};
 use super::{ColumnMap, Expected, ReadError};
+use crate::digits::digits;
 use crate::machine::nearest;
 use crate::tip::N_POS;
 use std::path::Path;
@@ -21,8 +22,8 @@ pub(super) struct Column {
     pub shift: f64,
     /// A turn after which an encoder begins anew, in the file's unit.
     pub wraps: Option<f64>,
-    /// Largest magnitude, what a larger one is, and what to do about it.
-    pub limit: Option<(f64, &'static str, String)>,
+    /// Largest magnitude, and what to say of a larger one.
+    pub limit: Option<(f64, String)>,
 }
 
 /// Every column that is read, in the order of a row.
@@ -214,7 +215,9 @@ impl Header<'_> {
                 Some(unit) => format!("{hint}{unit} if that is what it is in"),
                 None => "check the unit in its name".to_owned(),
             };
-            (limit, what, advice)
+            let (most, unit) = ((limit - shift) / factor, if suffix.is_empty() { &wanted.unit } else { suffix });
+            let empty = "leave the cell empty where nothing was measured";
+            (limit, format!("{what}: more than {} {unit}; {advice}, and {empty}", digits(most)))
         });
         Ok(Column { field, name, role: wanted.role, factor, shift, wraps: None, limit })
     }

@@ -74,7 +74,8 @@ fn look_at_text(path: &Path, file: File) -> Result<Look, ReadError> {
     let failed = |source| ReadError::Io { path: path.to_owned(), source };
     input::check_size(&file, input::TABLE_BYTES).map_err(failed)?;
     let mut file = Opened::new(path, file)?;
-    let wrong = |reason: String| ReadError::NotCsv { path: path.to_owned(), line: 1, reason };
+    let heading = file.heading;
+    let wrong = |reason: String| ReadError::NotCsv { path: path.to_owned(), line: heading, reason };
     if file.names.len() > MOST_COLUMNS {
         return Err(wrong(format!("there are {} columns, expected at most {MOST_COLUMNS}", file.names.len())));
     }
@@ -100,5 +101,5 @@ fn look_at_text(path: &Path, file: File) -> Result<Look, ReadError> {
     }
     let comma = if numbers.has_decimal_comma() { ", decimal comma" } else { "" };
     let how = format!("columns separated by {}s{comma}", dialect.word());
-    Ok(Look { at: At::Line(1), how, is_whole, notes: Vec::new(), columns })
+    Ok(Look { at: At::Line(heading), how, is_whole, notes: Vec::new(), columns })
 }

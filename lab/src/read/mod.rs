@@ -17,6 +17,7 @@ mod map_file;
 mod matlab;
 mod merge;
 mod parquet;
+mod preamble;
 mod recording;
 mod role;
 mod ros;

@@ -68,20 +68,20 @@ pub(crate) const N_LINES: usize = 3;
 pub(super) fn snake() -> Vec<Wanted> {
     let mut wanted = vec![time(), trial()];
     for i in 0..N_LINES {
-        let limit = (0.1, "no travel that a line of a snake can make in metres");
+        let limit = (0.1, "no travel that a line of a snake can make");
         wanted.push(length(Role::Input(i), format!("q{}", i + 1), limit));
     }
-    let bend = Some((2.0 * PI, "no angle of a snake in radians: more than a whole turn"));
+    let bend = Some((2.0 * PI, "no angle of a snake"));
     wanted.push(angle(Role::Output(0), "bend_x", bend));
     wanted.push(angle(Role::Output(1), "bend_y", bend));
     wanted.push(angle(Role::ThetaL, "theta_l", bend));
     // Azimuths may be unwrapped over a few turns.
-    wanted.push(angle(Role::Delta, "delta", Some((10.0 * PI, "no azimuth in radians: more than five turns"))));
-    let tip = |(k, axis)| length(Role::TipPos(k), format!("tip_{axis}"), (10.0, "no position of a tip in metres"));
+    wanted.push(angle(Role::Delta, "delta", Some((10.0 * PI, "no azimuth"))));
+    let tip = |(k, axis)| length(Role::TipPos(k), format!("tip_{axis}"), (10.0, "no position of a tip"));
     wanted.extend(["x", "y", "z"].into_iter().enumerate().map(tip));
     wanted.extend((0..N_LINES).map(load));
     wanted.extend(circumstances());
-    wanted.push(angle(Role::Sigma, "sigma_bend", Some((PI, "no standard deviation of a bend in radians"))));
+    wanted.push(angle(Role::Sigma, "sigma_bend", Some((PI, "no standard deviation of a bend"))));
     wanted
 }
 
@@ -89,8 +89,8 @@ pub(super) fn snake() -> Vec<Wanted> {
 pub(super) fn joints(n: usize, u_unit: &str, y_unit: &str) -> Vec<Wanted> {
     // Two turns: an instrument's roll makes more than one.
     let y_limit = match y_unit {
-        "rad" => Some((4.0 * PI, "no angle of a joint in radians: more than two turns")),
-        "m" => Some((2.0, "no travel of a joint in metres")),
+        "rad" => Some((4.0 * PI, "no angle of a joint")),
+        "m" => Some((2.0, "no travel of a joint")),
         _ => None,
     };
     let mut wanted = vec![time(), trial()];
@@ -104,12 +104,12 @@ pub(super) fn joints(n: usize, u_unit: &str, y_unit: &str) -> Vec<Wanted> {
 /// The columns of segments in series: what `krait export` writes of them.
 pub(super) fn segments(n_lines: usize, n_bends: usize) -> Vec<Wanted> {
     let mut wanted = vec![time(), trial()];
-    let travel = (0.1, "no travel that a line can make in metres");
+    let travel = (0.1, "no travel that a line can make");
     wanted.extend((0..n_lines).map(|i| length(Role::Input(i), format!("u{}", i + 1), travel)));
-    let bend = Some((2.0 * PI, "no angle of a segment in radians: more than a whole turn"));
+    let bend = Some((2.0 * PI, "no angle of a segment"));
     wanted.extend((0..n_bends).map(|i| angle(Role::Output(i), &format!("y{}", i + 1), bend)));
     wanted.extend((0..n_lines).map(load));
-    wanted.push(angle(Role::Sigma, "sigma_y", Some((PI, "no standard deviation of a bend in radians"))));
+    wanted.push(angle(Role::Sigma, "sigma_y", Some((PI, "no standard deviation of a bend"))));
     wanted.push(plain(Role::Weight, "weight"));
     wanted
 }
@@ -132,7 +132,7 @@ pub(crate) fn force_names(unit: ForceUnit) -> (&'static str, &'static str) {
 pub(super) fn force(machine: &ForceMachine) -> Vec<Wanted> {
     let mut wanted = vec![time(), trial()];
     // An arm's wrist may make a few turns.
-    let limit = Some((16.0 * PI, "no angle of a joint in radians: more than eight turns"));
+    let limit = Some((16.0 * PI, "no angle of a joint"));
     wanted.extend((0..machine.n).map(|i| angle(Role::Input(i), &format!("q{}", i + 1), limit)));
     let (base, unit) = force_names(machine.unit);
     wanted.extend((0..machine.n).map(|i| Wanted {
@@ -152,7 +152,7 @@ fn load(i: usize) -> Wanted {
         base: format!("tau{}", i + 1),
         dimension: Some(Dimension::Force),
         unit: "n".to_owned(),
-        limit: Some((1e4, "no load that a line can bear in newtons")),
+        limit: Some((1e4, "no load that a line can bear")),
     }
 }
 
@@ -173,9 +173,9 @@ fn trial() -> Wanted {
 
 fn circumstances() -> [Wanted; 3] {
     let dimension = Some(Dimension::Temperature);
-    let limit = Some((273.15, "no temperature of a machine in degrees Celsius"));
+    let limit = Some((273.15, "no temperature of a machine"));
     [
-        angle(Role::StemAngle, "stem_angle", Some((4.0 * PI, "no angle of a stem in radians: more than two turns"))),
+        angle(Role::StemAngle, "stem_angle", Some((4.0 * PI, "no angle of a stem"))),
         Wanted { role: Role::Temperature, base: "temperature".to_owned(), dimension, unit: "c".to_owned(), limit },
         plain(Role::Weight, "weight"),
     ]

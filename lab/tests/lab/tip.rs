@@ -190,7 +190,7 @@ fn what_is_no_tips_position_is_refused_in_one_sentence() {
         ("swapped", exchanged, "mirror image"),
         ("half", half, "tip_z_mm"),
         ("missing", good.replacen("tip_z_mm", "note", 1), "tip_z_m"),
-        ("metres", good.replacen(NAMES, "tip_x_m,tip_y_m,tip_z_m", 1), "no position of a tip in metres"),
+        ("metres", good.replacen(NAMES, "tip_x_m,tip_y_m,tip_z_m", 1), "no position of a tip: more than 10 m"),
     ] {
         let sentence = opened(name, &text).map(|_| ()).expect_err(name).to_string();
         assert!(sentence.contains(words), "{name}: expected {words:?} in: {sentence}");

@@ -83,7 +83,7 @@ fn named(path: &Path, number: u64) -> anyhow::Result<Named> {
     };
     let lanes = lanes_of_pass(&parts[0], pass).with_context(|| format!("recording {}", path.display()))?;
     let side = Side::of(pass, lanes).with_context(|| format!("recording {}", path.display()))?;
-    let missing = parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect();
+    let missing = recorded::missing(&parts);
     Ok(Named {
         recording: path.to_owned(),
         pass: idx + 1,

@@ -2,7 +2,7 @@
 
 use crate::cli::{ExportArgs, ExportFormat};
 use crate::commands::overwrite::refuse_other_ending;
-use crate::print;
+use crate::{print, recorded};
 use anyhow::{Context, bail};
 use krait_lab::read::joint_scale;
 use krait_model::model_file::{Machine, ModelFile};
@@ -36,11 +36,13 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
     refuse_other_ending(&args.out, own, option)?;
     let parts = Recording::open_parts(&args.recording)?;
     let columns = Columns::of_parts(&parts)?;
+    let missing = recorded::missing(&parts);
     if columns.n_rows() == 0 {
-        bail!(
-            "{} holds no measurement: a row needs a slave that is homed, and this recording has none; record a run that moves",
-            args.recording.display()
-        );
+        let why = match missing.first() {
+            Some(sentence) => sentence,
+            None => "a row needs a slave that is homed, and this recording has none",
+        };
+        bail!("{} holds no measurement: {why}; record a run that moves", args.recording.display());
     }
     let columns = if args.jaw { jaw_of(columns, &args.recording)? } else { columns };
     let units = (columns.n_joints > 0 && !args.jaw).then(|| units_of(&parts[0])).transpose();
@@ -53,7 +55,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<ExitCode> {
         shapes_left_out: columns.n_shapes_left_out,
         states_left_out: columns.n_states_left_out,
         trials: columns.trial.last().copied().unwrap_or(0),
-        missing: parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect(),
+        missing,
     };
     if args.json {
         print::json(&exported)?
@@ -79,13 +81,13 @@ fn jaw_of(columns: Columns, recording: &Path) -> anyhow::Result<Columns> {
 impl Exported {
     fn text(&self) -> String {
         let mut text = format!(
-            "{}: {} rows in {} trials, {} of them with a shape; {} shapes and {} states left out\n",
+            "{}: {} in {}, {} of them with a shape; {} and {} left out\n",
             self.out.display(),
-            self.rows,
-            self.trials,
+            print::counted(self.rows as u64, "row"),
+            print::counted(self.trials.into(), "trial"),
             self.rows_with_shape,
-            self.shapes_left_out,
-            self.states_left_out
+            print::counted(self.shapes_left_out, "shape"),
+            print::counted(self.states_left_out, "state"),
         );
         for sentence in &self.missing {
             text += &format!("  incomplete: {sentence}\n");

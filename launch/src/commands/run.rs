@@ -11,7 +11,9 @@ use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{device, print, signals};
 use anyhow::{bail, ensure};
 use krait_bridge::JointModel;
+use krait_console::fault_sentence;
 use krait_ipc::clock;
+use krait_ipc::message::OperatingState;
 use krait_master::{BesideConfig, JoinedHand, Profile, ProfileDevice, refuse_no_input};
 use std::path::{Path, PathBuf, absolute};
 use std::process::ExitCode;
@@ -67,13 +69,18 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let label = format!("Running, compensation {}; Ctrl-C ends it", model.label);
     let slides = model.machine.joints().is_some_and(JointModel::slides);
     Progress::new(&label, supervisor.bus(), args.seconds, slides)?.show(&mut supervisor, &stop)?;
+    let fault = supervisor.newest_state().filter(|state| state.operating() == Some(OperatingState::Fault));
+    if let Some(state) = fault {
+        tracing::error!("the run ended in FAULT: {}", fault_sentence(state));
+    }
+    let has_failed = fault.is_some();
     supervisor.end_chain();
     // After an exchange the figures are those of the model that the chain ended with, and of its recording.
     let exchanged = supervisor.exchanged().cloned();
     let (config, start_ns) =
         exchanged.map_or((options.config, start_ns), |exchanged| (exchanged.config, exchanged.since_ns));
     evidence.pass(config.model()?, start_ns..clock::monotonic_ns(), &supervisor);
-    let clean = supervisor.end() && supervisor.is_unscathed();
+    let clean = supervisor.end() && supervisor.is_unscathed() && !has_failed;
     evidence.recorder(&supervisor);
     let Some(path) = config.record.path.as_deref().filter(|_| !args.no_recording) else {
         return without_recording(&evidence, args, clean);

@@ -25,11 +25,15 @@ pub fn run(common: &Common, args: &ShapeArgs) -> anyhow::Result<ExitCode> {
     } else {
         print::out(&sentence(&counts, &common.instance))?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(if counts.published > 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn sentence(counts: &Counts, instance: &str) -> String {
+    if counts.lines == 0 {
+        return "nothing came on standard input; each line of it is a shape, as docs/shapes.md says\n".to_owned();
+    }
     let named: Vec<String> = counts.named().into_iter().map(|(name, count)| format!("{count} {name}")).collect();
     let rest = if named.is_empty() { "nothing was wrong with them".to_owned() } else { named.join(", ") };
-    format!("published {} shapes of {} lines in instance {instance:?}: {rest}\n", counts.published, counts.lines)
+    let (shapes, lines) = (print::counted(counts.published, "shape"), print::counted(counts.lines, "line"));
+    format!("published {shapes} of {lines} in instance {instance:?}: {rest}\n")
 }

@@ -4,7 +4,7 @@ use crate::cli::{Common, MasterKind, VerifyArgs};
 use crate::config::Config;
 use crate::supervisor::{Cast, ChainOptions, Supervisor};
 use crate::{print, recorded, signals};
-use anyhow::Context;
+use anyhow::{Context, bail};
 use krait_ipc::{Process, clock};
 use krait_record::Recording;
 use krait_replay::{
@@ -70,7 +70,11 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
     };
     let (n_setpoints, n_commands, n_updates) =
         (count(Channel::Setpoint), count(Channel::Command), count(Channel::ModelUpdate));
-    anyhow::ensure!(n_setpoints > 0, "{}: it holds no setpoint, so there is nothing to repeat", of_recording());
+    let missing = recorded::missing(&parts);
+    if n_setpoints == 0 {
+        let why = missing.first().map_or_else(String::new, |sentence| format!(" ({sentence})"));
+        bail!("{}: it holds no setpoint{why}, so there is nothing to repeat", of_recording());
+    }
     let has_inputs = count(Channel::Input) > 0;
     let mut supervisor = Supervisor::new(&recorded::instance_of(&common.instance, "verify"), &stop)?;
     let folder = supervisor.bus().instance().folder();
@@ -82,7 +86,7 @@ pub fn run(common: &Common, args: &VerifyArgs) -> anyhow::Result<ExitCode> {
         restarts: survey.restarts,
         recorded_s: survey.recorded_s,
         setpoints_unanswered: n_setpoints.saturating_sub(n_commands),
-        missing: parts.iter().flat_map(|part| &part.contents().missing).map(ToString::to_string).collect(),
+        missing,
         recorded_with: recorded::made_with(recording),
         verified_with: recorded::this_program(),
         ..Verdict::default()
@@ -206,7 +210,8 @@ fn sentence(verdict: &Verdict) -> String {
     } = verdict;
     let counts = format!(
         "{setpoints_identical} setpoints, {commands_identical} commands and {updates_identical} model updates \
-         ({bytes_identical} bytes) in {passes} passes"
+         ({bytes_identical} bytes) in {passes} {}",
+        if *passes == 1 { "pass" } else { "passes" }
     );
     let missing: String = verdict.missing.iter().map(|what| format!("not whole: {what}\n")).collect();
     let restarts: String = verdict.restarts.iter().map(restart_line).collect();

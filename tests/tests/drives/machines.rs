@@ -86,7 +86,9 @@ impl Machine {
         assert_eq!(places(), held, "nothing resumes by itself");
         assert!(emulator.wire().servos.iter().all(Servo::is_powered), "under power");
         krait.signal(Signal::INT);
-        krait.end(PATIENCE);
+        let ended = krait.end(PATIENCE);
+        let says = ended.stderr.contains(&format!("the run ended in FAULT: {words}"));
+        assert!(ended.code == Some(1) && says, "a run whose drive was lost is no success: {}", ended.stderr);
         assert!(emulator.wire().servos.iter().all(|servo| !servo.is_powered()), "the end of the chain takes the power");
     }
 }
