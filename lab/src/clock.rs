@@ -96,6 +96,11 @@ impl Measurements {
         }
     }
 
+    /// The time of the first row of some trials.
+    pub(crate) fn first_s(&self, trials: core::ops::Range<usize>) -> f64 {
+        self.rows_of(trials).first().map_or(0.0, |row| self.time_s[*row])
+    }
+
     /// The middle of the time of some trials: half of the way from the first to the last of their times.
     pub(crate) fn middle_s(&self, trials: core::ops::Range<usize>) -> f64 {
         let rows = self.rows_of(trials);

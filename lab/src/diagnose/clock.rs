@@ -19,11 +19,11 @@ const MOST_SEARCHES: usize = 4;
 const SPEED_OVER_S: f64 = 0.04;
 
 /// What the clocks of the recordings are, each with its standard errors; of two numbers for each recording, shift and rate.
-struct Clocks {
-    values: Vec<ClockOffset>,
-    errors: Vec<[f64; 2]>,
+pub(crate) struct Clocks {
+    pub values: Vec<ClockOffset>,
+    pub errors: Vec<[f64; 2]>,
     /// Which of the numbers are other than zero.
-    is_free: Vec<[bool; 2]>,
+    pub is_free: Vec<[bool; 2]>,
 }
 
 /// A diagnosis by one clock for all, and where what it leaves shows another one, by that.
@@ -52,13 +52,7 @@ pub(super) fn by_own_clock(
         }
     }
     let Some(clocks) = clocks else { return Ok(best) };
-    let names: Vec<Option<String>> = match options.recordings.len() {
-        0 => vec![None],
-        _ => options.recordings.iter().map(|(name, _)| Some(name.clone())).collect(),
-    };
-    best.calibration.extend(clocks.calibration(&names));
-    best.cautions.push(clocks.sentence(&names));
-    best.clocks = clocks.values;
+    clocks.told_in(&mut best, options);
     best.as_given_rms = as_given_rms;
     Ok(best)
 }
@@ -127,8 +121,8 @@ fn settled(
             break;
         }
     }
-    let is_none = values.iter().all(ClockOffset::is_none);
-    Ok((has_moved && !is_none).then_some(Clocks { values, errors, is_free }))
+    let found = Clocks { values, errors, is_free };
+    Ok((has_moved && !found.are_one()).then_some(found))
 }
 
 /// What a fit leaves of the measurements beside the speed of what it predicts.
@@ -146,8 +140,12 @@ impl Step {
     fn new(problem: &Problem, fitted: &Fit, firsts: &[usize]) -> Result<Self, LabError> {
         let data = &problem.data;
         let predicted = problem.machine.predict(&fitted.effects, data)?;
-        let speed = speeds(data, &predicted);
         let n = data.n_outputs;
+        let mut speeds = vec![0.0; predicted.len()];
+        for k in 0..n {
+            let own = speed(&data.time_s, &data.trial, |row| predicted[row * n + k]);
+            own.into_iter().enumerate().for_each(|(row, own)| speeds[row * n + k] = own);
+        }
         let trials = data.trial.last().map_or(0, |last| *last as usize + 1);
         let (mut columns, mut directions) = (Vec::new(), Vec::new());
         for (k, &first) in firsts.iter().enumerate() {
@@ -158,11 +156,11 @@ impl Step {
                     let row = k / n;
                     if own.contains(&(data.trial[row] as usize)) { value(row, *v) } else { 0.0 }
                 };
-                problem.laid_out(speed.iter().enumerate().map(entry).collect())
+                problem.laid_out(speeds.iter().enumerate().map(entry).collect())
             };
             columns.push(of_rows(&|_, v| -v));
             columns.push(of_rows(&|row, v| -v * (data.time_s[row] - middle_s)));
-            let length = |row: usize| speed[row * n..][..n].iter().map(|v| v * v).sum::<f64>().sqrt();
+            let length = |row: usize| speeds[row * n..][..n].iter().map(|v| v * v).sum::<f64>().sqrt();
             directions.push(of_rows(&|row, v| if length(row) > 0.0 { -v / length(row) } else { 0.0 }));
         }
         let mut own = Self { columns, directions, rest: Rest::of(fitted), errors: Vec::new() };
@@ -206,26 +204,36 @@ impl Step {
     }
 }
 
-/// Speed of every predicted output, from the rows before and behind it that are far enough apart.
-fn speeds(data: &Measurements, predicted: &[f64]) -> Vec<f64> {
-    let (n, n_rows) = (data.n_outputs, data.n_rows());
-    let mut speeds = vec![0.0; predicted.len()];
-    for row in 0..n_rows {
-        let is_near = |other: &usize| data.trial[*other] == data.trial[row];
-        let is_far = |other: &usize| 2.0 * (data.time_s[*other] - data.time_s[row]).abs() >= SPEED_OVER_S;
+/// Speed of what each row has, from the rows of its trial before and behind it that are far enough apart; 0 where there are none.
+pub(crate) fn speed<T: PartialEq>(time_s: &[f64], trial: &[T], value: impl Fn(usize) -> f64) -> Vec<f64> {
+    let own = |row: usize| {
+        let is_near = |other: &usize| trial[*other] == trial[row];
+        let is_far = |other: &usize| 2.0 * (time_s[*other] - time_s[row]).abs() >= SPEED_OVER_S;
         let first = (0..row).rev().take_while(is_near).find(is_far).unwrap_or(row);
-        let last = (row + 1..n_rows).take_while(is_near).find(is_far).unwrap_or(row);
-        let seconds = data.time_s[last] - data.time_s[first];
-        if seconds > 0.0 {
-            for k in 0..n {
-                speeds[row * n + k] = (predicted[last * n + k] - predicted[first * n + k]) / seconds;
-            }
-        }
-    }
-    speeds
+        let last = (row + 1..time_s.len()).take_while(is_near).find(is_far).unwrap_or(row);
+        let seconds = time_s[last] - time_s[first];
+        if seconds > 0.0 { (value(last) - value(first)) / seconds } else { 0.0 }
+    };
+    (0..time_s.len()).map(own).collect()
 }
 
 impl Clocks {
+    /// Whether all are the clock of the commands.
+    pub(crate) fn are_one(&self) -> bool {
+        self.values.iter().all(ClockOffset::is_none)
+    }
+
+    /// Puts them into the answer of a diagnosis by them.
+    pub(crate) fn told_in(self, answer: &mut Diagnosis, options: &DiagnoseOptions) {
+        let names: Vec<Option<String>> = match options.recordings.len() {
+            0 => vec![None],
+            _ => options.recordings.iter().map(|(name, _)| Some(name.clone())).collect(),
+        };
+        answer.calibration.extend(self.calibration(&names));
+        answer.cautions.push(self.sentence(&names));
+        answer.clocks = self.values;
+    }
+
     /// Shift and rate as numbers of the calibration: a delay below zero where the measurements come ahead.
     fn calibration(&self, names: &[Option<String>]) -> Vec<Calibration> {
         let mut all = Vec::new();

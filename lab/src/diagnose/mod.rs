@@ -66,12 +66,13 @@ pub use answer::{
     Calibration, CandidateAnswer, Diagnosis, FormulaTerm, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict,
 };
 pub(crate) use calibration::number_name;
+pub(crate) use clock::{Clocks, speed};
 pub use experiment::NextExperiment;
 pub(crate) use experiment::{next, separate_joints};
 pub(crate) use gate::{cautions, turns};
 pub use locked::{LockedError, LockedPart};
 pub(crate) use recordings::{FEWEST_RECORDINGS, disagreements};
-pub(crate) use rest::badness;
+pub(crate) use rest::{ERRORS, LEAST_SHARE, badness};
 pub(crate) use rhythm::rhythm;
 pub use size::titled;
 pub use sketch::Sketch;

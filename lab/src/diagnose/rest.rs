@@ -11,8 +11,8 @@ use crate::{LabError, Measurements, Problem};
 use nalgebra::DVector;
 
 /// What is calibration counts from so many standard errors on, and from this share on that it takes away of what the effects leave.
-pub(super) const ERRORS: f64 = 4.0;
-pub(super) const LEAST_SHARE: f64 = 0.02;
+pub(crate) const ERRORS: f64 = 4.0;
+pub(crate) const LEAST_SHARE: f64 = 0.02;
 /// Steps towards it, each with the effects fitted again; one of less than this many standard errors is the last.
 pub(super) const MOST_STEPS: usize = 4;
 pub(super) const SMALL_STEP: f64 = 0.3;

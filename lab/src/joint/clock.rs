@@ -1,10 +1,11 @@
-//! Measurements of joints that come ahead of the inputs: their clock is what is wrong, and no effect. A delay below zero that the
-//! search finds is taken off the measurements, and all is diagnosed anew.
+//! Measurements of joints that come ahead of the inputs, or whose clock runs at another rate: their clock is what is wrong, and no effect.
+//! What is found of it is taken off the measurements, and all is diagnosed anew.
 
+use super::clock_rate::Rate;
 use super::decide;
 use super::refine::{is_taken_back, swing_late_s};
 use crate::clock::ClockOffset;
-use crate::diagnose::{Calibration, DiagnoseOptions, Diagnosis, FoundEffect, Verdict, badness};
+use crate::diagnose::{Calibration, Clocks, DiagnoseOptions, Diagnosis, FoundEffect, Verdict, badness};
 use crate::machine::JointsLab;
 use crate::stage::stage;
 use crate::{LabError, Measurements};
@@ -15,6 +16,12 @@ const MOST_SEARCHES: usize = 3;
 /// others late.
 const AS_GOOD: f64 = 1.01;
 
+/// An answer, and of each recording the rate of the clock that it shows beside this one.
+pub(super) struct Diagnosed {
+    pub answer: Diagnosis,
+    pub rates: Vec<Option<Rate>>,
+}
+
 /// Says what is missing from a machine of joints, by the clock that its measurements have.
 ///
 /// # Errors
@@ -24,33 +31,55 @@ pub(crate) fn diagnose(
     data: &Measurements,
     options: &DiagnoseOptions,
 ) -> Result<Diagnosis, LabError> {
-    let mut best = decide::diagnose(machine, data, options)?;
-    let as_given_rms = best.as_given_rms;
     let firsts = options.first_trials();
-    let (mut clock, mut delays) = (ClockOffset::default(), Vec::new());
+    let by = |clocks: &[ClockOffset]| decide::diagnose(machine, &data.by_clocks(clocks, &firsts), options);
+    let n = firsts.len();
+    let mut clocks =
+        Clocks { values: vec![ClockOffset::default(); n], errors: vec![[0.0; 2]; n], is_free: vec![[false; 2]; n] };
+    let Diagnosed { answer: mut best, mut rates } = by(&clocks.values)?;
+    let as_given_rms = best.as_given_rms;
     for _ in 0..MOST_SEARCHES {
-        let found = ahead(&best);
-        let Some(shift_s) = weighed(&found) else { break };
-        stage("The measurements' clock");
-        let next = clock.and(ClockOffset { shift_s, rate: 0.0 });
-        let moved = data.by_clocks(&vec![next; firsts.len()], &firsts);
-        let again = decide::diagnose(machine, &moved, options)?;
-        let is_worse = badness(&again, 1) > AS_GOOD * badness(&best, 1);
-        if next.shift_s > ClockOffset::MOST_S || is_worse || takes_back(&again, next.shift_s) {
+        // What grows with the time in another way draws a clock along, and leaves a rest.
+        let is_clear = rates.iter().flatten().any(|rate| rate.is_clear);
+        if !is_clear && !rates.iter().flatten().any(|rate| rate.may_be_all) {
             break;
         }
-        (best, clock) = (again, next);
-        delays = if delays.is_empty() { found } else { delays };
+        stage("The rate of the measurements' clock");
+        let other = |(own, rate): (&ClockOffset, &Option<Rate>)| rate.map_or(*own, |rate| rate.beside(*own));
+        let next: Vec<ClockOffset> = clocks.values.iter().zip(&rates).map(other).collect();
+        let again = by(&next)?;
+        let is_all =
+            matches!(again.answer.verdict, Verdict::None | Verdict::Missing) && again.answer.noise_floor.is_some();
+        if !(is_clear || is_all) || badness(&again.answer, 1) >= badness(&best, usize::from(!clocks.are_one())) {
+            break;
+        }
+        for (k, rate) in rates.iter().enumerate().filter_map(|(k, rate)| Some((k, (*rate)?))) {
+            (clocks.errors[k][1], clocks.is_free[k][1]) = (rate.error, true);
+        }
+        clocks.values = next;
+        Diagnosed { answer: best, rates } = again;
     }
-    if clock.is_none() {
+    let mut shift_s = 0.0;
+    for _ in 0..MOST_SEARCHES {
+        let Some((step_s, error)) = weighed(&ahead(&best)) else { break };
+        stage("The measurements' clock");
+        shift_s += step_s;
+        let next: Vec<ClockOffset> =
+            clocks.values.iter().map(|own| own.and(ClockOffset { shift_s: step_s, rate: 0.0 })).collect();
+        let again = by(&next)?.answer;
+        let is_worse = badness(&again, 1) > AS_GOOD * badness(&best, 1);
+        if shift_s > ClockOffset::MOST_S || is_worse || takes_back(&again, shift_s) {
+            break;
+        }
+        (best, clocks.values) = (again, next);
+        for (errors, is_free) in clocks.errors.iter_mut().zip(&mut clocks.is_free).filter(|(_, free)| !free[0]) {
+            (errors[0], is_free[0]) = (error, true);
+        }
+    }
+    if clocks.are_one() {
         return Ok(best);
     }
-    best.calibration.extend(delays.into_iter().map(|own| Calibration { value: -clock.shift_s, ..own }));
-    best.cautions.push(format!(
-        "the measurements come {:.1} ms ahead of the motion: that is calibration and no effect; --clock says it to the other commands",
-        1e3 * clock.shift_s
-    ));
-    best.clocks = vec![clock; firsts.len()];
+    clocks.told_in(&mut best, options);
     best.as_given_rms = as_given_rms;
     best.rows[0] = data.n_rows();
     Ok(best)
@@ -76,9 +105,9 @@ fn takes_back(diagnosis: &Diagnosis, shift_s: f64) -> bool {
     diagnosis.effects.iter().filter_map(late_s).any(|late_s| is_taken_back(late_s, shift_s))
 }
 
-/// By how much they do together, s.
-fn weighed(found: &[Calibration]) -> Option<f64> {
+/// By how much they do together, s, with its standard error.
+fn weighed(found: &[Calibration]) -> Option<(f64, f64)> {
     let weight = |own: &Calibration| own.se.max(1e-9).powi(-2);
     let sum: f64 = found.iter().map(weight).sum();
-    (sum > 0.0).then(|| -found.iter().map(|own| weight(own) * own.value).sum::<f64>() / sum)
+    (sum > 0.0).then(|| (-found.iter().map(|own| weight(own) * own.value).sum::<f64>() / sum, sum.powf(-0.5)))
 }

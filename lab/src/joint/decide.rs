@@ -2,6 +2,8 @@
 
 use super::answer::{self, Answer};
 use super::beside::{Variation, varied, with_common_columns};
+use super::clock::Diagnosed;
+use super::clock_rate::{Rate, rates};
 use super::columns;
 use super::first::first;
 use super::floor::{Floor, floor};
@@ -20,7 +22,7 @@ use super::starts::settled;
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
 use crate::diagnose::{
-    DiagnoseOptions, Diagnosis, FormulaTerm, GroupShare, SAME, Structure, Verdict, rhythm, structure, working_rows,
+    DiagnoseOptions, FormulaTerm, GroupShare, SAME, Structure, Verdict, rhythm, structure, working_rows,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise;
@@ -55,7 +57,7 @@ const BESIDE: f64 = 0.25;
 /// A rest of structure below this level is no chance.
 const LEVEL_OF_REST: f64 = 0.02;
 /// An error of this ratio of the noise from row to row is not called the measurement's own where its floor is unknown.
-const FAR_ABOVE_ROWS: f64 = 3.0;
+pub(super) const FAR_ABOVE_ROWS: f64 = 3.0;
 /// White noise cannot make an error of this ratio of the floor.
 const BEYOND_DOUBT: f64 = 1.1;
 /// A column that leaves less than this part of the mean square that the effects leave, with one gain beside the calibrated model, is what
@@ -87,6 +89,8 @@ pub(super) struct Found {
     pub needed_s: Option<f64>,
     pub as_given: f64,
     pub n_blocks: usize,
+    /// What is left says of the clock's rate in each recording.
+    pub rates: Vec<Option<Rate>>,
 }
 
 impl Found {
@@ -122,7 +126,7 @@ pub(super) fn diagnose(
     machine: &JointsLab,
     data: &Measurements,
     options: &DiagnoseOptions,
-) -> Result<Diagnosis, LabError> {
+) -> Result<Diagnosed, LabError> {
     let excluded = excluded(machine, data)?;
     let rows = if data.n_rows() > MOST_JUDGED { working_rows(data, &excluded) } else { (0..data.n_rows()).collect() };
     let work = data.select(&rows);
@@ -137,7 +141,10 @@ pub(super) fn diagnose(
     let (own, found) = own::in_turn(machine, &work, options, search)?;
     let machine = own.as_ref().map_or(machine, |own| &own.joints);
     let own_values = own.as_ref().map_or(&[][..], |own| &own.values);
-    answer::diagnosis(Answer { machine, data, options, found, own_values, hints, n_outliers: excluded.len() })
+    let of_recording = |k: usize| Rate::told(&found.iter().map(|own| own.rates[k]).collect::<Vec<_>>());
+    let rates = (0..options.first_trials().len()).map(of_recording).collect();
+    let answer = Answer { machine, data, options, found, own_values, hints, n_outliers: excluded.len() };
+    Ok(Diagnosed { answer: answer::diagnosis(answer)?, rates })
 }
 
 struct Case<'a> {
@@ -317,6 +324,7 @@ impl Case<'_> {
         let steps = steps(last, &fit, &order, &blocks, &before, &after);
         let (classes, probabilities) = classes(search, &fit, &order, self.options.seed);
         let singles = singles(search, &test.of_kind);
+        let rates = rates(signal, &fit, &self.options.first_trials(), self.data);
         Found {
             joint: signal.joint,
             verdict,
@@ -338,6 +346,7 @@ impl Case<'_> {
             singles,
             needed_s,
             n_blocks: problem.n_blocks,
+            rates,
         }
     }
 

@@ -9,6 +9,7 @@ mod add;
 mod answer;
 mod beside;
 mod clock;
+mod clock_rate;
 mod columns;
 mod decide;
 mod first;

@@ -178,6 +178,80 @@ fn measurements_that_come_ahead_have_a_clock_and_the_effect_beside_it_its_size()
     assert!((half_width - 0.06).abs() < 1e-3, "{half_width}");
 }
 
+/// Of a motion what a joint does, by a clock whose seconds are longer by this part from the record's beginning on.
+fn by_other_clock(n: usize, rate: f64, mut joint: impl FnMut(f64) -> f64) -> Vec<f64> {
+    const FINE: usize = 20;
+    let hz = [0.11, 0.23, 0.37];
+    let at = |t: f64| hz.iter().zip(1..).map(|(hz, k)| (TAU * hz * t + 1.7 * f64::from(k)).sin() / f64::from(k)).sum();
+    let step_s = STEP_S / FINE as f64;
+    let all: Vec<f64> = (0..(n + 10) * FINE).map(|k| joint(at(k as f64 * step_s))).collect();
+    let shown = |row: usize| {
+        let place = row as f64 * FINE as f64 * (1.0 + rate);
+        let (whole, part) = (place.floor(), place.fract());
+        all[whole as usize] * (1.0 - part) + all[whole as usize + 1] * part
+    };
+    (0..n).map(shown).collect()
+}
+
+#[test]
+fn a_clock_of_another_rate_is_calibration_and_the_play_beside_it_has_its_size() {
+    let (n, u) = (3000, slow(3000));
+    for rate in [1e-3, -2e-3, 2e-4] {
+        let mut last = u[0];
+        let x = by_other_clock(n, rate, |u| {
+            last = last.clamp(u - 0.06, u + 0.06);
+            last
+        });
+        let found = diagnosed(&record(&u, seen(&x, 1.1, NOISE_RAD, 3)));
+        assert_missing(&found, &["backlash"], &format!("{rate}"));
+        let [clock] = &found.clocks[..] else { panic!("{rate}: {:?}", found.clocks) };
+        let own = found.calibration.iter().find(|own| own.name == "clock-rate").unwrap();
+        let off = (clock.rate - rate).abs();
+        assert!(off < 2e-5 && off < 4e-6 * own.se && own.se > 0.0, "{rate}: {clock:?}, {own:?}");
+        assert_eq!((own.unit.as_str(), 1e6 * clock.rate), ("ppm", own.value));
+        assert!(found.cautions.iter().any(|caution| caution.contains("ppm apart")), "{:?}", found.cautions);
+        let half_width = found.effects[0].parameters.iter().find(|own| own.name == "half_width").unwrap().value;
+        assert!((half_width - 0.06).abs() < 1e-3, "{half_width}");
+    }
+    // One clock of both joints, of which one hardly tells it.
+    let (x, other) = (by_other_clock(n, 1e-3, |u| u), by_other_clock(n, 1e-3, |u| -0.01 * u));
+    let pairs = |a: &[f64], b: &[f64]| a.iter().zip(b).flat_map(|(a, b)| [*a, *b]).collect::<Vec<f64>>();
+    let of_both = [seen(&x, 1.1, NOISE_RAD, 5), seen(&other, 1.0, NOISE_RAD, 6)];
+    let time_s = (0..n).map(|row| row as f64 * STEP_S).collect();
+    let told = (pairs(&u, &u), 2);
+    let data =
+        Measurements::bare("made".to_owned(), Quantity::Joints, time_s, told, (pairs(&of_both[0], &of_both[1]), 2));
+    let found = diagnosed(&data);
+    assert!(found.verdict == Verdict::None && (found.clocks[0].rate - 1e-3).abs() < 2e-5, "{}", found.sentence);
+}
+
+/// A play that grows and a lag that falls as a joint warms up look like a clock that drifts, and leave a rest beside it.
+#[test]
+fn what_grows_with_time_is_no_clock() {
+    let (n, u) = (3000, slow(3000));
+    let mut last = u[0];
+    let widening: Vec<f64> = (0..n)
+        .map(|row| {
+            let half_width = 0.06 * (0.4 + 0.6 * row as f64 / n as f64);
+            last = last.clamp(u[row] - half_width, u[row] + half_width);
+            last
+        })
+        .collect();
+    let mut x = u[0];
+    let warming: Vec<f64> = (0..n)
+        .map(|row| {
+            let time_s = 0.1 + 0.2 * (-(row as f64) * STEP_S / 15.0).exp();
+            x += (u[row] - x) * (1.0 - (-STEP_S / time_s).exp());
+            x
+        })
+        .collect();
+    for (what, x) in [("a play that grows", widening), ("a lag that falls", warming)] {
+        let found = diagnosed(&record(&u, seen(&x, 1.1, NOISE_RAD, 3)));
+        let drifts = found.clocks.iter().any(|clock| clock.rate != 0.0);
+        assert!(!drifts && found.verdict != Verdict::None, "{what}: {:?} {}", found.clocks, found.sentence);
+    }
+}
+
 /// One of two joints whose measurements come ahead has no clock of both.
 #[test]
 fn one_joint_that_comes_ahead_makes_the_other_no_later() {
