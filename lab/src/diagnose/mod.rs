@@ -84,4 +84,4 @@ pub use whole::{DiagnoseOptions, diagnose};
 pub use words::capital;
 pub(crate) use words::of_what;
 pub(crate) use words::{named, stand_and_take, sure};
-pub(crate) use working::working_rows;
+pub(crate) use working::{sections, working_rows};

@@ -14,15 +14,50 @@ const FEW: usize = 3000;
 const PART: usize = 10;
 /// ... and at most so many.
 const MOST: usize = 30_000;
+/// Sections of records that are longer, and rows of history between them.
+const SECTIONS: usize = 12;
+const HISTORY: usize = 10_000;
+/// A straight line that is off by no more than this part of what an input moves loses nothing.
+const SMOOTH: f64 = 2e-4;
 /// Effects are tried on at most so many of them; three in ten of these are all rows of 200 s at 50 Hz.
 const MOST_TRIED: usize = 6000;
 
 /// The working rows of these measurements without the excluded ones, which are in rising order.
 pub(crate) fn working_rows(data: &Measurements, excluded: &[usize]) -> Vec<usize> {
+    rows_at(data, excluded, usize::MAX)
+}
+
+/// Working rows of joints, between which no command bends: of many measurements sections at that rate, evenly to the end. Between sections,
+/// and in the first tenth of each, rows are history that nobody measured: what a model remembers settles there.
+pub(crate) fn sections(data: &Measurements, excluded: &[usize]) -> Measurements {
+    let (n, stride) = (data.n_rows(), smooth_stride(data));
+    let rows = rows_at(data, excluded, stride);
+    if n / stride <= MOST {
+        return data.select(&rows);
+    }
+    let (period, length) = (n.div_ceil(SECTIONS), MOST * stride / SECTIONS);
+    let turns = turns(data, MOST);
+    let is_kept = |row: usize| {
+        let (place, is_first) = (row % period, data.starts_trial(row));
+        let stride = if place < length { stride } else { n.div_ceil(HISTORY) };
+        is_first || place % stride == 0 || turns.binary_search(&row).is_ok()
+    };
+    let rows: Vec<usize> = (0..n).filter(|row| is_kept(*row) && excluded.binary_search(row).is_err()).collect();
+    let mut work = data.select(&rows);
+    for (k, row) in rows.iter().enumerate() {
+        let place = row % period;
+        if place >= length || (*row >= period && place < length / 10) {
+            work.outputs[k * data.n_outputs..][..data.n_outputs].fill(f64::NAN);
+        }
+    }
+    work
+}
+
+fn rows_at(data: &Measurements, excluded: &[usize], most_stride: usize) -> Vec<usize> {
     let n = data.n_rows();
     let is_frame: Vec<bool> = (0..n).map(|row| data.is_scored(row)).collect();
     let n_frames = is_frame.iter().filter(|own| **own).count();
-    let (frame_stride, history_stride) = (stride(n_frames), stride(n - n_frames));
+    let [frame_stride, history_stride] = [n_frames, n - n_frames].map(|n| stride(n).min(most_stride));
     let expected = n_frames / frame_stride + (n - n_frames) / history_stride;
     let share = (MOST as f64 / expected.max(1) as f64).min(1.0);
     let turns = turns(data, expected.min(MOST));
@@ -83,6 +118,27 @@ fn turns(data: &Measurements, most: usize) -> Vec<usize> {
     turns
 }
 
+/// The longest stride between whose rows every input is a straight line, as far as it matters.
+fn smooth_stride(data: &Measurements) -> usize {
+    (2..=PART).take_while(|stride| (0..data.n_inputs).all(|k| bend(data, k, *stride) < SMOOTH)).last().unwrap_or(1)
+}
+
+/// How far an input is in the middle of a stride from the straight line between its ends: root mean square as a part of its own.
+fn bend(data: &Measurements, input: usize, stride: usize) -> f64 {
+    let at = |row: usize| data.input(row)[input];
+    let n = data.n_rows();
+    let mean = (0..n).map(at).sum::<f64>() / n.max(1) as f64;
+    let whole = (0..n).map(|row| (at(row) - mean).powi(2)).sum::<f64>() / n.max(1) as f64;
+    let middles = (stride / 2..n.saturating_sub(stride - stride / 2)).filter_map(|row| {
+        let (from, to) = (row - stride / 2, row - stride / 2 + stride);
+        let part = (stride / 2) as f64 / stride as f64;
+        let line = at(from) + part * (at(to) - at(from));
+        (data.trial[from] == data.trial[to]).then(|| (at(row) - line).powi(2))
+    });
+    let (sum, count) = middles.fold((0.0, 0.0), |(sum, count), square| (sum + square, count + 1.0));
+    if whole > 0.0 && count > 0.0 { (sum / count / whole).sqrt() } else { 0.0 }
+}
+
 /// Every how many of so many rows.
 fn stride(n: usize) -> usize {
     n.div_ceil(FEW + n / PART).max(1)
@@ -138,6 +194,28 @@ mod tests {
         let rows = working_rows(&trials(&[90_000, 10_000]), &[]);
         assert!((12_000..=13_100).contains(&rows.len()) && rows.windows(2).all(|two| two[1] - two[0] <= 10));
         assert!(*rows.last().expect("a row") > 99_980);
+    }
+
+    #[test]
+    fn rows_between_which_a_command_bends_are_not_left_out() {
+        let mut data = trials(&[100_000]);
+        let mut taken = |hz: f64| {
+            (0..100_000).for_each(|row| data.inputs[row] = (core::f64::consts::TAU * hz * data.time_s[row]).sin());
+            sections(&data, &[])
+        };
+        // Rows of 10 ms: of 1 Hz a straight line over two of them is off by 1/2000, of 0.02 Hz one over ten by no more than that.
+        let slow = taken(0.02);
+        assert!(slow.n_rows() < 13_000 && *slow.time_s.last().expect("a row") > 999.8, "{}", slow.n_rows());
+        assert!((0..slow.n_rows()).all(|row| slow.is_scored(row)));
+        let fast = taken(1.0);
+        let scored: Vec<f64> =
+            (0..fast.n_rows()).filter(|row| fast.is_scored(*row)).map(|row| fast.time_s[row]).collect();
+        assert!((0.8 * MOST as f64..MOST as f64).contains(&(scored.len() as f64)), "{}", scored.len());
+        let n_gaps = scored.windows(2).filter(|two| two[1] - two[0] > 0.015).count();
+        assert_eq!(n_gaps, SECTIONS - 1, "every row of a section");
+        assert!(scored.last().expect("a row") > &940.0);
+        // Every tenth row between them, and the two turns of each second.
+        assert!(fast.n_rows() > MOST + 7000 + 1300, "{}", fast.n_rows());
     }
 
     #[test]

@@ -22,7 +22,7 @@ use super::starts::settled;
 use super::terms::{self, Value, Values};
 use crate::diagnose::screen::orthonormal;
 use crate::diagnose::{
-    DiagnoseOptions, FormulaTerm, GroupShare, SAME, Structure, Verdict, rhythm, structure, working_rows,
+    DiagnoseOptions, FormulaTerm, GroupShare, SAME, Structure, Verdict, rhythm, sections, structure,
 };
 use crate::machine::{JointsLab, MachineUnderTest};
 use crate::noise;
@@ -36,7 +36,7 @@ const MOST_JUDGED: usize = 20_000;
 /// Uneven hysteresis is sought where a motion has as many strokes: of fewer, its bend fits what differs from stroke to stroke (20 s of a
 /// real jaw: 0.20 deg where even hysteresis leaves 0.25, but 0.29 against 0.25 deg in another recording).
 const STROKES_OF_UNEVEN: usize = 12;
-/// Records of more rows are judged on the working rows.
+/// Of records of more rows lists are searched and judged on sections.
 const LONG: usize = 60_000;
 /// Lists that are kept at each depth.
 const WIDTH: usize = 3;
@@ -128,9 +128,9 @@ pub(super) fn diagnose(
     options: &DiagnoseOptions,
 ) -> Result<Diagnosed, LabError> {
     let excluded = excluded(machine, data)?;
-    let rows = if data.n_rows() > MOST_JUDGED { working_rows(data, &excluded) } else { (0..data.n_rows()).collect() };
-    let work = data.select(&rows);
-    let left_out: Vec<usize> = (0..rows.len()).filter(|k| excluded.binary_search(&rows[*k]).is_ok()).collect();
+    let is_long = data.n_rows() > LONG;
+    let (work, left_out) =
+        if is_long { (sections(data, &excluded), Vec::new()) } else { (data.clone(), excluded.clone()) };
     let hints = columns::check(machine, data)?;
     let (machine, _) = settled(machine, &work, &options.recordings)?;
     let machine = &machine;

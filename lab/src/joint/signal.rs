@@ -185,8 +185,13 @@ impl Signal {
                 trial_s[row] = trial_s[row - 1] + step_s[row];
             }
         }
+        let longest_s = trial_s.iter().copied().fold(0.0, f64::max).max(1e-9);
         let is_excluded = |row: &usize| excluded.binary_search(row).is_ok();
-        let frames: Vec<usize> = (0..n).filter(|row| measured[*row].is_finite() && !is_excluded(row)).collect();
+        let mut frames: Vec<usize> = (0..n).filter(|row| measured[*row].is_finite() && !is_excluded(row)).collect();
+        // Nobody knows what a delay has before a trial's first row: of many rows one of these would count for many others.
+        if frames.len() > MANY * most {
+            frames.retain(|row| trial_s[*row] >= BEFORE_FIRST_ROW_S || longest_s < SHORT_TRIAL_S);
+        }
         let stride = frames.len().div_ceil(most).max(1);
         let inputs: Vec<Vec<f64>> = (0..n_joints).map(|k| column(&data.inputs, k)).collect();
         let (low, high) = bounds(inputs[joint].iter().copied());
@@ -207,7 +212,7 @@ impl Signal {
             base: Arc::new(base),
             base_added,
             measured,
-            longest_s: trial_s.iter().copied().fold(0.0, f64::max).max(1e-9),
+            longest_s,
             time_s: data.time_s.clone(),
             step_s,
             trial_s,
@@ -305,6 +310,11 @@ impl Signal {
     }
 }
 
+/// Every row of the loss stands for at least so many.
+const MANY: usize = 4;
+/// What a model may remember of before a trial's first row, s, and a trial that is too short for it to be left out.
+const BEFORE_FIRST_ROW_S: f64 = 0.2;
+const SHORT_TRIAL_S: f64 = 2.0;
 /// Less than this part of a usual step from row to row is none.
 const NO_STEP: f64 = 0.02;
 /// Rhythms that are tried.
