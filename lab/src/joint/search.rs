@@ -95,6 +95,7 @@ impl<'a> Search<'a> {
             rough.truncate(2 * plan.width);
             let mut deep: Vec<Fit> = rough.par_iter().map(|fit| self.deepen(fit)).collect();
             deep.iter().for_each(|fit| self.remember(fit));
+            deep.extend(self.plainer(&deep));
             self.count_rows();
             deep.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
             let best = deep.first().map_or(f64::INFINITY, |fit| self.score(fit));
@@ -277,6 +278,28 @@ impl<'a> Search<'a> {
         polish(self.signal, best, self.loss)
     }
 
+    /// Lists with one play in place of many that are no more than one, where those are not known: one of their weights is below zero by
+    /// chance, so that they are left out, and the play with them.
+    fn plainer(&mut self, lists: &[Fit]) -> Vec<Fit> {
+        let are_many = |kind: Kind| matches!(kind, Kind::Plays | Kind::UnevenPlays);
+        let plain = |fit: &Fit| {
+            let place = fit.members.iter().position(|own| are_many(own.kind))?;
+            let rest: Vec<Member> = fit.members.iter().filter(|own| !are_many(own.kind)).cloned().collect();
+            let mut key = kinds(&rest);
+            key.push(Kind::Backlash);
+            key.sort_unstable();
+            let is_new = !self.pool.contains_key(&key) && Self::is_compatible(&rest, Kind::Backlash);
+            (is_new && self.candidates.contains(&Kind::Backlash) && fit.member_imitates(self.signal, place))
+                .then_some(rest)
+        };
+        let rests: Vec<Vec<Member>> = lists.iter().filter_map(plain).collect();
+        let extended =
+            |rest: &Vec<Member>| self.extend(&refine(self.signal, rest, self.loss, 8, 1e-5, true), Kind::Backlash);
+        let found: Vec<Fit> = rests.par_iter().filter_map(extended).map(|fit| self.deepen(&fit)).collect();
+        found.iter().for_each(|fit| self.remember(fit));
+        found
+    }
+
     /// A list with its members in another order of the chain, where that leaves clearly less.
     fn in_best_order(&self, mut best: Fit) -> Fit {
         for _ in 0..best.members.len() {
@@ -313,8 +336,9 @@ impl<'a> Search<'a> {
             options.retain(|fit| fit.members.len() <= depth);
             options.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
             options.truncate(3);
-            let deep: Vec<Fit> = options.par_iter().map(|fit| self.deepen(fit)).collect();
+            let mut deep: Vec<Fit> = options.par_iter().map(|fit| self.deepen(fit)).collect();
             deep.iter().for_each(|fit| self.remember(fit));
+            deep.extend(self.plainer(&deep));
             self.count_rows();
             let now = self.score(&best);
             let next = deep.into_iter().filter(|fit| !fit.imitates(self.signal));
