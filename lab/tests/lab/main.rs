@@ -12,6 +12,7 @@ mod init;
 mod init_columns;
 mod joint_beside;
 mod joint_columns;
+mod joint_long;
 mod joint_order;
 mod joint_starts;
 mod joint_verdicts;
