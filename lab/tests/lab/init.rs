@@ -297,7 +297,7 @@ fn what_contradicts_itself_is_refused_in_one_sentence() {
     );
     let stand_in =
         run("time_s,u1_deg,y1_deg", |t| format!("{t},{},{}", t.sin(), if t > 2.0 { -9999.0 } else { t.sin() }));
-    refused("stand_in", stand_in, &[], &["line 202", "no angle of a joint: more than 720 deg", "leave the cell empty"]);
+    refused("stand_in", stand_in, &[], &["line 103", "no angle of a joint: more than 720 deg", "leave the cell empty"]);
     refused("back", named("time_s,u1_deg,y1_deg", |t| if t < 2.0 { t } else { t - 1.5 }), &[], &["line 102", "trial"]);
     refused(
         "still",

@@ -157,8 +157,8 @@ fn a_row_that_does_not_fit_is_refused_with_line_and_column() {
     let unset =
         |t: f64| good(t).replacen(&t.to_string(), &if t == 0.0 { t } else { t + 1_763_809_215.0 }.to_string(), 1);
     refused("unset", run(HEADER, unset), &["line 3", "time_s", "years after 0 s", "remove the rows before"]);
-    refused("degrees", with_line(5, "0.15,0,0,0,42.5,0"), &["line 5", "bend_x_rad", "42.5", "radians", "bend_x_deg"]);
-    refused("mm", with_line(5, "0.15,0,1.25,0,0,0"), &["line 5", "q2_m", "1.25", "metres", "q2_mm"]);
+    refused("degrees", with_line(5, "0.15,0,0,0,42.5,0"), &["line 5", "bend_x_rad", "42.5", "6.283 rad", "bend_x_deg"]);
+    refused("mm", with_line(5, "0.15,0,1.25,0,0,0"), &["line 5", "q2_m", "1.25", "0.1 m", "q2_mm"]);
     refused("huge", with_line(5, "1e999,0,0,0,0,0"), &["line 5", "time_s"]);
     let crlf = |line: &str| with_line(5, line).replace('\n', "\r\n");
     refused("crlf", crlf("0.15,0,0,0,0,left"), &["line 5", "bend_y_rad", "left"]);
