@@ -25,7 +25,7 @@ pub fn run(common: &Common, args: &ShapeArgs) -> anyhow::Result<ExitCode> {
     } else {
         print::out(&sentence(&counts, &common.instance))?;
     }
-    Ok(if counts.published > 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(if counts.lines > 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 fn sentence(counts: &Counts, instance: &str) -> String {
