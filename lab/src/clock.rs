@@ -66,13 +66,11 @@ impl Measurements {
         if clocks.iter().all(ClockOffset::is_none) {
             return self.clone();
         }
-        let trials = self.trial.last().map_or(0, |last| *last as usize + 1);
         let mut parts = Vec::new();
         for (k, clock) in clocks.iter().enumerate() {
-            let first = first_trials.get(k).copied().unwrap_or(0);
-            let next = first_trials.get(k + 1).copied().unwrap_or(trials);
-            let middle_s = self.middle_s(first..next);
-            for trial in first..next {
+            let own = self.trials_of(k, first_trials);
+            let middle_s = self.middle_s(own.clone());
+            for trial in own {
                 let rows = self.rows_of(trial..trial + 1);
                 let own = self.select(&rows);
                 if clock.is_none() {
@@ -96,16 +94,29 @@ impl Measurements {
         }
     }
 
-    /// The time of the first row of some trials.
-    pub(crate) fn first_s(&self, trials: core::ops::Range<usize>) -> f64 {
-        self.rows_of(trials).first().map_or(0.0, |row| self.time_s[*row])
+    /// The trials of a recording, from 0, where these are the first of each.
+    pub(crate) fn trials_of(&self, recording: usize, first_trials: &[usize]) -> core::ops::Range<usize> {
+        let n_trials = self.trial.last().map_or(0, |last| *last as usize + 1);
+        let first = |k: usize| first_trials.get(k).copied();
+        first(recording).unwrap_or(0)..first(recording + 1).unwrap_or(n_trials)
+    }
+
+    /// The first and the last time of some trials.
+    fn ends_s(&self, trials: core::ops::Range<usize>) -> [f64; 2] {
+        let rows = self.rows_of(trials);
+        [rows.first(), rows.last()].map(|row| row.map_or(0.0, |row| self.time_s[*row]))
     }
 
     /// The middle of the time of some trials: half of the way from the first to the last of their times.
     pub(crate) fn middle_s(&self, trials: core::ops::Range<usize>) -> f64 {
-        let rows = self.rows_of(trials);
-        let time_s = |row: Option<&usize>| row.map_or(0.0, |row| self.time_s[*row]);
-        0.5 * (time_s(rows.first()) + time_s(rows.last()))
+        let [first_s, last_s] = self.ends_s(trials);
+        0.5 * (first_s + last_s)
+    }
+
+    /// The time from the first row of some trials to their middle.
+    pub(crate) fn half_s(&self, trials: core::ops::Range<usize>) -> f64 {
+        let [first_s, last_s] = self.ends_s(trials);
+        0.5 * (first_s + last_s) - first_s
     }
 
     /// The rows of some trials.

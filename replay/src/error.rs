@@ -175,8 +175,7 @@ pub enum ReplayError {
 fn no_pass(pass: u64, n_passes: u64) -> String {
     match n_passes {
         0 => "it holds no pass: nothing ran while it was made, or it is cut before the first; `krait verify` says what it lacks".to_owned(),
-        1 => format!("--pass {pass}: it holds 1 pass"),
-        n => format!("--pass {pass}: it holds {n} passes"),
+        n => format!("--pass {pass}: it holds {n} {}", if n == 1 { "pass" } else { "passes" }),
     }
 }
 

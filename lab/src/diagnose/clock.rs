@@ -141,15 +141,10 @@ impl Step {
         let data = &problem.data;
         let predicted = problem.machine.predict(&fitted.effects, data)?;
         let n = data.n_outputs;
-        let mut speeds = vec![0.0; predicted.len()];
-        for k in 0..n {
-            let own = speed(&data.time_s, &data.trial, |row| predicted[row * n + k]);
-            own.into_iter().enumerate().for_each(|(row, own)| speeds[row * n + k] = own);
-        }
-        let trials = data.trial.last().map_or(0, |last| *last as usize + 1);
+        let speeds = speeds(&data.time_s, &data.trial, &predicted);
         let (mut columns, mut directions) = (Vec::new(), Vec::new());
-        for (k, &first) in firsts.iter().enumerate() {
-            let own = first..firsts.get(k + 1).copied().unwrap_or(trials);
+        for k in 0..firsts.len() {
+            let own = data.trials_of(k, firsts);
             let middle_s = data.middle_s(own.clone());
             let of_rows = |value: &dyn Fn(usize, f64) -> f64| {
                 let entry = |(k, v): (usize, &f64)| {
@@ -204,17 +199,25 @@ impl Step {
     }
 }
 
-/// Speed of what each row has, from the rows of its trial before and behind it that are far enough apart; 0 where there are none.
-pub(crate) fn speed<T: PartialEq>(time_s: &[f64], trial: &[T], value: impl Fn(usize) -> f64) -> Vec<f64> {
-    let own = |row: usize| {
+/// Speed of each of the values that every row has, from the rows of its trial before and behind it that are far enough apart; 0 where there
+/// are none.
+pub(crate) fn speeds<T: PartialEq>(time_s: &[f64], trial: &[T], values: &[f64]) -> Vec<f64> {
+    let n_rows = time_s.len();
+    let n = values.len() / n_rows.max(1);
+    let mut speeds = vec![0.0; values.len()];
+    for row in 0..n_rows {
         let is_near = |other: &usize| trial[*other] == trial[row];
         let is_far = |other: &usize| 2.0 * (time_s[*other] - time_s[row]).abs() >= SPEED_OVER_S;
         let first = (0..row).rev().take_while(is_near).find(is_far).unwrap_or(row);
-        let last = (row + 1..time_s.len()).take_while(is_near).find(is_far).unwrap_or(row);
+        let last = (row + 1..n_rows).take_while(is_near).find(is_far).unwrap_or(row);
         let seconds = time_s[last] - time_s[first];
-        if seconds > 0.0 { (value(last) - value(first)) / seconds } else { 0.0 }
-    };
-    (0..time_s.len()).map(own).collect()
+        if seconds > 0.0 {
+            for k in 0..n {
+                speeds[row * n + k] = (values[last * n + k] - values[first * n + k]) / seconds;
+            }
+        }
+    }
+    speeds
 }
 
 impl Clocks {

@@ -66,7 +66,7 @@ pub use answer::{
     Calibration, CandidateAnswer, Diagnosis, FormulaTerm, FoundEffect, FoundParameter, LoadCell, Remaining, Verdict,
 };
 pub(crate) use calibration::number_name;
-pub(crate) use clock::{Clocks, speed};
+pub(crate) use clock::{Clocks, speeds};
 pub use experiment::NextExperiment;
 pub(crate) use experiment::{next, separate_joints};
 pub(crate) use gate::{cautions, turns};

@@ -36,7 +36,7 @@ pub(crate) fn diagnose(
     let n = firsts.len();
     let mut clocks =
         Clocks { values: vec![ClockOffset::default(); n], errors: vec![[0.0; 2]; n], is_free: vec![[false; 2]; n] };
-    let Diagnosed { answer: mut best, mut rates } = by(&clocks.values)?;
+    let Diagnosed { answer: mut best, mut rates } = decide::diagnose(machine, data, options)?;
     let as_given_rms = best.as_given_rms;
     for _ in 0..MOST_SEARCHES {
         // What grows with the time in another way draws a clock along, and leaves a rest.
@@ -45,8 +45,10 @@ pub(crate) fn diagnose(
             break;
         }
         stage("The rate of the measurements' clock");
-        let other = |(own, rate): (&ClockOffset, &Option<Rate>)| rate.map_or(*own, |rate| rate.beside(*own));
-        let next: Vec<ClockOffset> = clocks.values.iter().zip(&rates).map(other).collect();
+        let other = |(k, own): (usize, &ClockOffset)| {
+            rates[k].map_or(*own, |rate| rate.beside(*own, data.half_s(data.trials_of(k, &firsts))))
+        };
+        let next: Vec<ClockOffset> = clocks.values.iter().enumerate().map(other).collect();
         let again = by(&next)?;
         let is_all =
             matches!(again.answer.verdict, Verdict::None | Verdict::Missing) && again.answer.noise_floor.is_some();

@@ -7,7 +7,7 @@ use super::search::n_effective;
 use super::signal::Signal;
 use crate::Measurements;
 use crate::clock::ClockOffset;
-use crate::diagnose::{ERRORS, LEAST_SHARE, speed};
+use crate::diagnose::{ERRORS, LEAST_SHARE, speeds};
 use crate::fit::{dot, inverse, normal_equations};
 
 /// Rates at which a search begins: a larger one than the first steps reach is found from the nearest of them.
@@ -31,16 +31,14 @@ const BEND: usize = 3;
 /// What is said of the rate of a clock in one recording, with its standard error.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rate {
-    pub value: f64,
+    value: f64,
     pub error: f64,
     /// Part of what is left without it that it takes away.
-    pub share: f64,
+    share: f64,
     /// Whether it takes away most of that, and is the same all the time, as the rate of a clock is.
     pub is_clear: bool,
     /// Whether what it leaves could be the noise from row to row.
     pub may_be_all: bool,
-    /// From the recording's first row to its middle, s.
-    half_s: f64,
 }
 
 impl Rate {
@@ -51,16 +49,16 @@ impl Rate {
         let value = all().map(|own| own.value * own.error.powi(-2)).sum::<f64>() / weight;
         let error = weight.powf(-0.5);
         let share = all().filter(|own| own.value * value > 0.0).map(|own| own.share).fold(0.0, f64::max);
-        let half_s = all().map(|own| own.half_s).next()?;
         let is_told = share > LEAST_SHARE && value.abs() > ERRORS * error;
         let (is_clear, may_be_all) = (all().any(|own| own.is_clear), all().all(|own| own.may_be_all));
-        is_told.then_some(Self { value, error, share, is_clear, may_be_all, half_s })
+        is_told.then_some(Self { value, error, share, is_clear, may_be_all })
     }
 
-    /// The clock with this rate beside what was known of it: both clocks are one at the recording's beginning, as far as anybody can say.
-    pub fn beside(&self, own: ClockOffset) -> ClockOffset {
+    /// The clock with this rate beside what was known of it, where the recording's middle is `half_s` behind its beginning: there both
+    /// clocks are one, as far as anybody can say.
+    pub fn beside(&self, own: ClockOffset, half_s: f64) -> ClockOffset {
         let rate = (own.rate + self.value).clamp(-ClockOffset::MOST_RATE, ClockOffset::MOST_RATE);
-        ClockOffset { shift_s: own.shift_s + (rate - own.rate) * self.half_s, rate }
+        ClockOffset { shift_s: own.shift_s + (rate - own.rate) * half_s, rate }
     }
 }
 
@@ -97,15 +95,11 @@ struct Solved {
 
 /// What a fit says of the rate of each recording's clock; `firsts` has the first trial of each.
 pub(super) fn rates(signal: &Signal, fit: &Fit, firsts: &[usize], data: &Measurements) -> Vec<Option<Rate>> {
-    let ends = firsts.iter().skip(1).copied().chain([signal.n_trials]);
-    let recordings = firsts.iter().zip(ends).enumerate();
-    recordings
-        .map(|(k, (&first, end))| rate(signal, fit, k, (data.first_s(first..end), data.middle_s(first..end))))
-        .collect()
+    (0..firsts.len()).map(|k| rate(signal, fit, k, data.middle_s(data.trials_of(k, firsts)))).collect()
 }
 
 /// The same of one recording, from its middle; `None` where it cannot say anything.
-fn rate(signal: &Signal, fit: &Fit, recording: usize, (first_s, middle_s): (f64, f64)) -> Option<Rate> {
+fn rate(signal: &Signal, fit: &Fit, recording: usize, middle_s: f64) -> Option<Rate> {
     let track = Track::new(signal, fit, recording, middle_s);
     let n_blocks = (n_effective(fit) / 4.0).min(MOST_BLOCKS) as usize;
     if !signal.moves() || n_blocks < FEWEST_BLOCKS {
@@ -122,7 +116,6 @@ fn rate(signal: &Signal, fit: &Fit, recording: usize, (first_s, middle_s): (f64,
         error: with.error,
         share,
         is_clear: share > BESIDE_A_REST && is_steady,
-        half_s: middle_s - first_s,
         may_be_all: with.mean_square < FAR_ABOVE_ROWS * FAR_ABOVE_ROWS * fast_noise(signal),
     })
 }
@@ -136,9 +129,9 @@ impl Track {
         let measured: Vec<f64> = rows.iter().map(|&row| signal.measured[row]).collect();
         let predicted: Vec<f64> =
             measured.iter().zip(&places).map(|(y, &place)| y - fit.solution.residual[place]).collect();
-        let speeds = speed(&time_s, &trial, |row| predicted[row]);
-        let acceleration = speed(&time_s, &trial, |row| speeds[row]);
-        Self { time_s, trial, measured, predicted, speed: speeds, acceleration, middle_s }
+        let speed = speeds(&time_s, &trial, &predicted);
+        let acceleration = speeds(&time_s, &trial, &speed);
+        Self { time_s, trial, measured, predicted, speed, acceleration, middle_s }
     }
 
     /// What is predicted for a row by another clock; `None` outside its trial.

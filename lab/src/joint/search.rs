@@ -93,10 +93,7 @@ impl<'a> Search<'a> {
             let before = self.pool.values().map(|fit| self.score(fit)).fold(f64::INFINITY, f64::min);
             rough.iter().skip(2 * plan.width).for_each(|fit| self.remember(fit));
             rough.truncate(2 * plan.width);
-            let mut deep: Vec<Fit> = rough.par_iter().map(|fit| self.deepen(fit)).collect();
-            deep.iter().for_each(|fit| self.remember(fit));
-            deep.extend(self.plainer(&deep));
-            self.count_rows();
+            let mut deep = self.deepened(&rough);
             deep.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
             let best = deep.first().map_or(f64::INFINITY, |fit| self.score(fit));
             deep.truncate(plan.width);
@@ -156,9 +153,7 @@ impl<'a> Search<'a> {
                 if !Self::is_compatible(&fit.members, kind) {
                     continue;
                 }
-                let mut key = fit.kinds();
-                key.push(kind);
-                key.sort_unstable();
+                let key = with(fit.kinds(), kind);
                 if let Some(own) = self.pool.get(&key) {
                     known.push(own.clone());
                 } else if !jobs.iter().any(|(own, ..)| *own == key) {
@@ -257,6 +252,15 @@ impl<'a> Search<'a> {
         picked.into_iter().map(|(square, member)| (square, with(member))).collect()
     }
 
+    /// Lists fitted for longer, with the plainer ones that they stand for.
+    fn deepened(&mut self, lists: &[Fit]) -> Vec<Fit> {
+        let mut deep: Vec<Fit> = lists.par_iter().map(|fit| self.deepen(fit)).collect();
+        deep.iter().for_each(|fit| self.remember(fit));
+        deep.extend(self.plainer(&deep));
+        self.count_rows();
+        deep
+    }
+
     /// A longer fit; every member from its whole grid again with the others held, which leaves local minima.
     pub fn deepen(&self, fit: &Fit) -> Fit {
         let mut best = self.in_best_order(refine(self.signal, &fit.members, self.loss, 15, 1e-5, true));
@@ -285,9 +289,7 @@ impl<'a> Search<'a> {
         let plain = |fit: &Fit| {
             let place = fit.members.iter().position(|own| are_many(own.kind))?;
             let rest: Vec<Member> = fit.members.iter().filter(|own| !are_many(own.kind)).cloned().collect();
-            let mut key = kinds(&rest);
-            key.push(Kind::Backlash);
-            key.sort_unstable();
+            let key = with(kinds(&rest), Kind::Backlash);
             let is_new = !self.pool.contains_key(&key) && Self::is_compatible(&rest, Kind::Backlash);
             (is_new && self.candidates.contains(&Kind::Backlash) && fit.member_imitates(self.signal, place))
                 .then_some(rest)
@@ -336,10 +338,7 @@ impl<'a> Search<'a> {
             options.retain(|fit| fit.members.len() <= depth);
             options.sort_by(|a, b| self.score(a).total_cmp(&self.score(b)));
             options.truncate(3);
-            let mut deep: Vec<Fit> = options.par_iter().map(|fit| self.deepen(fit)).collect();
-            deep.iter().for_each(|fit| self.remember(fit));
-            deep.extend(self.plainer(&deep));
-            self.count_rows();
+            let deep = self.deepened(&options);
             let now = self.score(&best);
             let next = deep.into_iter().filter(|fit| !fit.imitates(self.signal));
             let next = next.min_by(|a, b| self.score(a).total_cmp(&self.score(b)));
@@ -406,6 +405,13 @@ fn gain(columns: &[Vec<f64>], residual: &[f64], weight: &[f64]) -> f64 {
     let ridge = 1e-9 * gram.trace().max(1e-300);
     let solved = (gram + DMatrix::identity(p, p) * ridge).cholesky().map(|factor| factor.solve(&right));
     solved.map_or(0.0, |beta: DVector<f64>| beta.dot(&right).max(0.0))
+}
+
+/// The key of a list with one more member.
+fn with(mut kinds: Vec<Kind>, kind: Kind) -> Vec<Kind> {
+    kinds.push(kind);
+    kinds.sort_unstable();
+    kinds
 }
 
 /// Rows of the loss over the residual's correlation time, 8 or more.

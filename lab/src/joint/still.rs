@@ -53,8 +53,7 @@ pub(crate) fn check_effect(term: &Term, data: &Measurements, recordings: &[(Stri
 pub(super) fn moves(data: &Measurements, joint: usize, recordings: &[(String, usize)]) -> bool {
     let (_, first_trials) = names_and_trials(recordings);
     (0..first_trials.len()).any(|k| {
-        let end = first_trials.get(k + 1).copied().unwrap_or(usize::MAX);
-        let rows = (0..data.n_rows()).filter(|row| (first_trials[k]..end).contains(&(data.trial[*row] as usize)));
+        let rows = data.rows_of(data.trials_of(k, &first_trials)).into_iter();
         !is_still(bounds(rows.map(|row| data.input(row)[joint]).filter(|u| u.is_finite())))
     })
 }

@@ -1,8 +1,9 @@
 //! Lines of comment before a table's heading: programs write `# ...` there, and some write the heading itself so.
 
+use krait_ipc::input::without_mark;
+
 /// A comment's mark.
 const MARK: u8 = b'#';
-const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// What stands before the heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,7 +18,7 @@ impl Preamble {
     /// What a file that begins with these bytes has before its heading. Where numbers follow the comments, the last comment is the
     /// heading, as NumPy's `savetxt` writes it.
     pub(super) fn of(start: &[u8]) -> Self {
-        let mut here = Self { n_bytes: start.len() - text(start).len(), n_lines: 0 };
+        let mut here = Self { n_bytes: start.len() - without_mark(start).len(), n_lines: 0 };
         let mut last = None;
         while let Some(line) = line_at(start, here.n_bytes).filter(|line| line.first() == Some(&MARK)) {
             last = Some(here);
@@ -29,11 +30,6 @@ impl Preamble {
         let n_marks = heading.iter().take_while(|byte| matches!(**byte, MARK | b' ')).count();
         if is_row { Self { n_bytes: last.n_bytes + n_marks, ..last } } else { here }
     }
-}
-
-/// What follows the mark that some programs put before UTF-8.
-fn text(start: &[u8]) -> &[u8] {
-    start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start)
 }
 
 /// The line that begins there, with its end; `None` behind the last.

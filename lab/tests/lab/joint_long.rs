@@ -1,10 +1,8 @@
 //! Long records of a joint with play and a delay of two rows: what was thinned to a few rows a second told another hysteresis.
 
+use crate::joint_order::{diagnosed_of, play};
 use crate::noise::Noise;
-use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
-use krait_lab::machine::JointsLab;
-use krait_lab::{Measurements, Quantity};
-use krait_model::model_file::ModelFile;
+use krait_lab::diagnose::{Diagnosis, Verdict};
 
 const STEP_S: f64 = 0.01;
 const DELAY_S: f64 = 0.02;
@@ -14,7 +12,7 @@ const FINE: usize = 4;
 
 /// What is said of so many rows, with a drift of this size in rad that settles in a fifth of them.
 fn diagnosed(rows: usize, drift: f64) -> Diagnosis {
-    let (mut noise, mut behind) = (Noise(11), None);
+    let (mut noise, mut play) = (Noise(11), play(HALF_WIDTH));
     let at = |t: f64| {
         let wave = |hz: f64, phase: f64| (core::f64::consts::TAU * hz * t + phase).sin();
         0.21 * wave(0.21, 0.3) + 0.12 * wave(0.37, 1.0) + 0.07 * wave(0.53, 2.0)
@@ -22,20 +20,14 @@ fn diagnosed(rows: usize, drift: f64) -> Diagnosis {
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     for step in 0..rows * FINE {
         let t = STEP_S / FINE as f64 * step as f64;
-        let u = at(t - DELAY_S);
-        let own = behind.get_or_insert(u);
-        *own = own.clamp(u - HALF_WIDTH, u + HALF_WIDTH);
+        let position = play(at(t - DELAY_S));
         if step % FINE == 0 {
             let drifted = drift * (1.0 - (-5.0 * step as f64 / (rows * FINE) as f64).exp());
             inputs.push(at(t));
-            outputs.push(1.02 * *own + 0.01 + drifted + 3.5e-4 * noise.normal());
+            outputs.push(1.02 * position + 0.01 + drifted + 3.5e-4 * noise.normal());
         }
     }
-    let time_s = (0..rows).map(|row| STEP_S * row as f64).collect();
-    let data = Measurements::bare("made.csv".to_owned(), Quantity::Joints, time_s, (inputs, 1), (outputs, 1));
-    let file = ModelFile::parse("format = 1\n[machine]\nkind = \"joints\"\nn = 1\n").expect("a model");
-    let machine = JointsLab::new(&file).expect("joints");
-    diagnose(&machine, &data, &DiagnoseOptions::default()).expect("computed")
+    diagnosed_of(STEP_S, inputs, outputs)
 }
 
 fn is_found(found: &Diagnosis, effects: &[&str]) {

@@ -25,7 +25,12 @@ fn diagnosed(rounded: f64, mut follow: impl FnMut(f64, f64) -> f64) -> Diagnosis
             outputs.push(1.2 * y + 0.1 + 2e-3 * noise.normal());
         }
     }
-    let time_s = (0..ROWS).map(|row| STEP_S * row as f64).collect();
+    diagnosed_of(STEP_S, inputs, outputs)
+}
+
+/// What is said of one joint's commands and positions at rows of this step.
+pub(super) fn diagnosed_of(step_s: f64, inputs: Vec<f64>, outputs: Vec<f64>) -> Diagnosis {
+    let time_s = (0..inputs.len()).map(|row| step_s * row as f64).collect();
     let data = Measurements::bare("made.csv".to_owned(), Quantity::Joints, time_s, (inputs, 1), (outputs, 1));
     let file = ModelFile::parse("format = 1\n[machine]\nkind = \"joints\"\nn = 1\n").expect("a model");
     let machine = JointsLab::new(&file).expect("joints");
@@ -43,7 +48,7 @@ fn lag(time_s: f64) -> impl FnMut(f64, f64) -> f64 {
 }
 
 /// Play, step by step.
-fn play(half_width: f64) -> impl FnMut(f64) -> f64 {
+pub(super) fn play(half_width: f64) -> impl FnMut(f64) -> f64 {
     let mut behind = None;
     move |x| {
         let own = behind.get_or_insert(x);

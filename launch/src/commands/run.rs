@@ -69,18 +69,18 @@ pub fn run(common: &Common, args: &RunArgs) -> anyhow::Result<ExitCode> {
     let label = format!("Running, compensation {}; Ctrl-C ends it", model.label);
     let slides = model.machine.joints().is_some_and(JointModel::slides);
     Progress::new(&label, supervisor.bus(), args.seconds, slides)?.show(&mut supervisor, &stop)?;
-    let fault = supervisor.newest_state().filter(|state| state.operating() == Some(OperatingState::Fault));
-    if let Some(state) = fault {
-        tracing::error!("the run ended in FAULT: {}", fault_sentence(state));
+    let in_fault = supervisor.newest_state().filter(|state| state.operating() == Some(OperatingState::Fault));
+    let failure = in_fault.map(fault_sentence);
+    if let Some(sentence) = &failure {
+        tracing::error!("the run ended in FAULT: {sentence}");
     }
-    let has_failed = fault.is_some();
     supervisor.end_chain();
     // After an exchange the figures are those of the model that the chain ended with, and of its recording.
     let exchanged = supervisor.exchanged().cloned();
     let (config, start_ns) =
         exchanged.map_or((options.config, start_ns), |exchanged| (exchanged.config, exchanged.since_ns));
     evidence.pass(config.model()?, start_ns..clock::monotonic_ns(), &supervisor);
-    let clean = supervisor.end() && supervisor.is_unscathed() && !has_failed;
+    let clean = supervisor.end() && supervisor.is_unscathed() && failure.is_none();
     evidence.recorder(&supervisor);
     let Some(path) = config.record.path.as_deref().filter(|_| !args.no_recording) else {
         return without_recording(&evidence, args, clean);
