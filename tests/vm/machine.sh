@@ -116,19 +116,50 @@ add_module() {
   echo "$name" >>"$2/lib/modules/order"
 }
 
+# A machine that has printed nothing for so long stands still with its clock: a part that does not end is told by its own alarm before.
+STILL_S=${VM_STILL_S:-900}
+
 # boot CACHE TREE CONSOLE CLOCK SECONDS WORDS [OPTION...]: runs the machine until it switches off. CLOCK is QEMU's -icount: with
 # shift=N an instruction takes 2^N ns, with sleep=off the machine never waits, with sleep=on it waits as long as the host does. OPTIONs
-# are QEMU's.
+# are QEMU's. One that stands still is ended and booted once more: that is QEMU's doing, and says nothing of krait.
 boot() {
-  local usr=$1/root/usr qemu=(qemu-system-x86_64)
+  local code=0
+  boot_once "$@" || code=$?
+  [ "$code" = 75 ] || return "$code"
+  tail -n 3 "$3"
+  cp "$3" "$3.still"
+  echo "the machine has printed nothing for $STILL_S s and is booted once more; its console until then: $3.still"
+  boot_once "$@"
+}
+
+# The same once; 75 where it stands still.
+boot_once() {
+  local usr=$1/root/usr qemu=(qemu-system-x86_64) watcher code=0
   (cd "$2" && find . | "$1/root/bin/busybox" cpio -o -H newc 2>/dev/null) >"$2.cpio"
   if [ -x "$usr/bin/qemu-system-x86_64" ]; then
     qemu=(env "LD_LIBRARY_PATH=$usr/lib/x86_64-linux-gnu:$1/root/lib/x86_64-linux-gnu" "$usr/bin/qemu-system-x86_64")
     qemu+=(-L "$usr/share/qemu" -L "$usr/share/seabios")
   fi
+  rm -f "$2.pid" "$2.still"
+  : >"$3"
+  end_where_still "$2" "$3" >/dev/null 2>&1 &
+  watcher=$!
   # One processor whose clock counts instructions: a busy host makes it slower, not later.
-  # In this process group, so that whoever ends the rig ends the machine.
+  # In this process group, so that whoever ends the rig ends the machine. A line of its console is in the file when it has been printed.
   timeout --foreground "$5" "${qemu[@]}" -accel tcg -icount "$4" -M pc -cpu max -m 512 -nodefaults -no-user-config \
-    -display none -serial stdio -no-reboot -kernel "$(find "$1/kernel/boot" -name 'vmlinuz-*' | head -n 1)" -initrd "$2.cpio" \
-    -append "console=ttyS0 panic=-1 quiet $6" "${@:7}" </dev/null 2>&1 | tr -d '\r' >"$3"
+    -display none -serial stdio -no-reboot -pidfile "$2.pid" -kernel "$(find "$1/kernel/boot" -name 'vmlinuz-*' | head -n 1)" \
+    -initrd "$2.cpio" -append "console=ttyS0 panic=-1 quiet $6" "${@:7}" </dev/null 2>&1 | sed -u 's/\r//g' >"$3" || code=$?
+  kill "$watcher" 2>/dev/null || true
+  [ ! -e "$2.still" ] || code=75
+  return "$code"
+}
+
+# end_where_still TREE CONSOLE: ends the machine and says so by a file, where nothing is printed any more; runs beside it.
+end_where_still() {
+  while sleep 5 && kill -0 $$; do
+    [ $(($(date +%s) - $(stat -c %Y "$2"))) -gt "$STILL_S" ] || continue
+    touch "$1.still"
+    kill -KILL "$(cat "$1.pid")"
+    return
+  done
 }

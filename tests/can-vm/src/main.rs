@@ -3,6 +3,8 @@
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, reason = "the serial console is where the verdict is read")]
 
+#[path = "../../vm/alarm.rs"]
+mod alarm;
 mod chain;
 mod follow;
 mod monitor;
@@ -51,7 +53,7 @@ fn judge(n_cycles: usize, only: &str) -> bool {
     let (mut all, mut n) = (true, 0);
     let mut told = |name: &str, part: &dyn Fn() -> anyhow::Result<PartVerdict>| {
         if only.is_empty() || only.split(',').any(|own| own == name) {
-            (all, n) = (all & told(name, part()), n + 1);
+            (all, n) = (all & told(name, alarm::watched("CAN-VM", name, part)), n + 1);
         }
     };
     for kind in [DriveMake::Own, DriveMake::Independent, DriveMake::Canopen] {

@@ -3,6 +3,8 @@
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, reason = "the serial console is where the verdict is read")]
 
+#[path = "../../vm/alarm.rs"]
+mod alarm;
 mod aside;
 mod chain;
 mod codes;
@@ -116,7 +118,7 @@ fn run_all<const N: usize>(parts: [Part; N]) -> bool {
         return false;
     };
     for (name, mut part) in parts.into_iter().skip(first).step_by(step).filter(|(name, _)| is_wanted(name)) {
-        match part() {
+        match alarm::watched("HID-VM", name, &mut part) {
             Ok(verdict) => {
                 all &= verdict.passed();
                 println!("HID-VM {name} {verdict}");

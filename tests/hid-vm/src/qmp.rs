@@ -6,16 +6,19 @@ use core::time::Duration;
 use serde_json::{Value, json};
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
+use std::sync::mpsc::{Receiver, channel};
 use std::thread::sleep;
 
 /// The serial port, which /init has made transparent.
 const PORT: &str = "/dev/ttyS1";
+/// How long an answer is waited for, of the machine's time: QEMU gives it in milliseconds, and a host that is busy stops the machine too.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A conversation with QEMU.
 #[derive(Debug)]
 pub struct Qmp {
     to: File,
-    from: BufReader<File>,
+    lines: Receiver<std::io::Result<String>>,
     n_asked: u64,
 }
 
@@ -27,7 +30,10 @@ impl Qmp {
     pub fn open() -> anyhow::Result<Self> {
         let to = OpenOptions::new().read(true).write(true).open(PORT).context(PORT)?;
         let from = BufReader::new(to.try_clone().context(PORT)?);
-        let mut qmp = Self { to, from, n_asked: 0 };
+        let (tell, lines) = channel();
+        // It ends with the process: nobody else reads the port.
+        std::thread::spawn(move || from.lines().try_for_each(|line| tell.send(line)));
+        let mut qmp = Self { to, lines, n_asked: 0 };
         // Until /init had made it transparent, the port gave QEMU's greeting back; this byte makes QEMU forget what it has begun to read.
         qmp.to.write_all(&[0xff, b'\n']).context(PORT)?;
         qmp.ask("qmp_capabilities", &json!({}))?;
@@ -37,17 +43,17 @@ impl Qmp {
     /// Has QEMU do something, and waits until it has.
     ///
     /// # Errors
-    /// It refuses.
+    /// It refuses, or says nothing.
     pub fn ask(&mut self, what: &str, arguments: &Value) -> anyhow::Result<()> {
         self.n_asked += 1;
         let mut line = json!({ "execute": what, "arguments": arguments, "id": self.n_asked }).to_string();
         line.push('\n');
         self.to.write_all(line.as_bytes()).context(PORT)?;
         loop {
-            let mut line = String::new();
-            if self.from.read_line(&mut line).context(PORT)? == 0 {
-                bail!("{PORT} has come to its end");
-            }
+            let Ok(line) = self.lines.recv_timeout(PATIENCE) else {
+                bail!("QEMU has not answered {what} {arguments} in {} s, or {PORT} has ended", PATIENCE.as_secs());
+            };
+            let line = line.context(PORT)?;
             // The greeting, answers to itself and events come unasked.
             let Ok(said) = serde_json::from_str::<Value>(&line) else { continue };
             if said["id"] != self.n_asked {
