@@ -24,6 +24,7 @@ mod measurements;
 pub mod noise;
 mod offered;
 mod outliers;
+mod output_noise;
 mod prepare;
 mod problem;
 pub mod read;

@@ -4,6 +4,7 @@ use crate::cells::Usable;
 use crate::machine::MachineUnderTest;
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::outliers::outliers;
+use crate::output_noise::output_factors;
 use crate::{LabError, Measurements, Problem, scored_time_s};
 
 /// Measurements ready for a fit.
@@ -29,11 +30,17 @@ const FIRST_BLOCK_S: f64 = 4.0;
 /// [`LabError`] where the model cannot be computed.
 pub(crate) fn prepare<'a>(machine: &'a dyn MachineUnderTest, data: &Measurements) -> Result<Prepared<'a>, LabError> {
     let raw = Problem::new(machine, data.clone(), &[], FIRST_BLOCK_S);
-    let residual = raw.residual(machine.effects())?;
+    let mut residual = raw.residual(machine.effects())?;
+    let factors = output_factors(&raw, &residual);
+    residual
+        .chunks_mut(factors.len())
+        .for_each(|row| row.iter_mut().zip(&factors).for_each(|(own, part)| *own *= part));
+    let raw = raw.by_output(&factors);
     let excluded = outliers(&raw, &residual);
-    let floors = NoiseFloor::new(&Problem::new(machine, raw.data, &excluded, FIRST_BLOCK_S), &residual);
+    let floors =
+        NoiseFloor::new(&Problem::new(machine, raw.data, &excluded, FIRST_BLOCK_S).by_output(&factors), &residual);
     let shortest_block_s = block_s(&floors, scored_time_s(data));
-    let problem = Problem::new(machine, data.clone(), &excluded, shortest_block_s);
+    let problem = Problem::new(machine, data.clone(), &excluded, shortest_block_s).by_output(&factors);
     let loads = Usable::of(machine, &problem, floors.sigma().map(|(sigma, _)| sigma), shortest_block_s)?;
     let noise = floors.sigma().map(|(sigma, _)| sigma).or(floors.differences).unwrap_or(0.0);
     let problem = problem.with_loads(loads.cells()).with_noise(noise);

@@ -29,6 +29,8 @@ pub struct Problem<'a> {
     loads: Option<LoadRows>,
     /// Shapes that stand beside the effects, orthonormal: a residual is what they leave of it.
     beside: Vec<Vec<f64>>,
+    /// By how much each output counts beside the others; it is in the weights.
+    output_factors: Vec<f64>,
 }
 
 /// Signs of fewer blocks than this cannot reach a small p-value.
@@ -58,6 +60,7 @@ impl<'a> Problem<'a> {
         let (block, n_blocks) = blocks(&data, &weight, n_scored / width.max(1), shortest_block_s);
         Self {
             machine,
+            output_factors: vec![1.0; width],
             data,
             weight,
             block,
@@ -68,6 +71,20 @@ impl<'a> Problem<'a> {
             loads: None,
             beside: Vec::new(),
         }
+    }
+
+    /// The same with outputs that count by a factor each.
+    pub(crate) fn by_output(mut self, factors: &[f64]) -> Self {
+        for row in self.weight.chunks_mut(factors.len().max(1)) {
+            row.iter_mut().zip(factors).for_each(|(weight, factor)| *weight *= factor);
+        }
+        self.output_factors = factors.to_vec();
+        self
+    }
+
+    /// By how much each output counts beside the others.
+    pub(crate) fn output_factors(&self) -> &[f64] {
+        &self.output_factors
     }
 
     /// The same with the noise of a row, in the outputs' unit.

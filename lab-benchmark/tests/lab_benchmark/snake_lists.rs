@@ -16,6 +16,27 @@ fn made(kinds: &[(&str, f64)], seed: u64) -> Generated {
     generate(&Recipe { hidden, motion: Motion::Rich, seconds: 60.0, seed, ..Recipe::default() }).unwrap()
 }
 
+/// A camera that sees little across its depth: every output counts by its own noise, so that the other one still tells three effects.
+#[test]
+fn a_component_of_the_bend_that_is_four_times_as_noisy_hides_no_effect() {
+    let mut made = made(&[("softening", 3.0), ("plane-offset", 2.0), ("camera-offset", 2.0)], 13);
+    let mut state = 5_u64;
+    let mut even = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    // 1.2 deg, as the sum of twelve even numbers.
+    let mut noise = || (0..12).map(|_| even()).sum::<f64>() * 1.2_f64.to_radians();
+    made.measurements.outputs.chunks_mut(2).for_each(|row| row[1] += noise());
+    let options = DiagnoseOptions { max_effects: 3, ..DiagnoseOptions::default() };
+    let found = diagnose(&snake(), &made.measurements, &options).unwrap();
+    let mut names: Vec<&str> = found.effects.iter().map(|own| own.name.as_str()).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["camera-offset", "plane-offset", "superelastic-softening"], "{}", found.sentence);
+    let said = found.cautions.iter().find(|own| own.contains("from row to row")).expect("said");
+    assert!(said.starts_with("bend y changes 4.") || said.starts_with("bend y changes 3.9"), "{said}");
+}
+
 /// Encoders and a camera that reads too much: the encoders alone explain both, and their values are those of both.
 #[test]
 #[ignore = "tens of seconds of processor time; .ci/long runs it"]

@@ -1,5 +1,6 @@
 //! What the data themselves cannot show, said before anything is fitted.
 
+use crate::output_noise;
 use crate::read::CUT_OFF_HZ;
 use crate::{FEWEST_BLOCKS, Measurements, Problem, TipFrame, scored_time_s};
 
@@ -27,6 +28,7 @@ pub(crate) fn cautions(problem: &Problem, n_outliers: usize, in_blocks: bool) ->
             data.n_held_rows
         ));
     }
+    said.extend(output_noise::caution(problem));
     said.extend(data.tip_frames.iter().map(TipFrame::sentence));
     if let Some(clock) = &data.clock {
         said.push(format!(

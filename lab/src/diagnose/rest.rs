@@ -77,7 +77,7 @@ pub(super) fn on_working_rows<'a>(
     let Prepared { problem, excluded, .. } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
     Ok(if rows.len() < data.n_rows() {
-        Problem::new(machine, data.select(&rows), &[], SHORTEST_BLOCK_S)
+        Problem::new(machine, data.select(&rows), &[], SHORTEST_BLOCK_S).by_output(problem.output_factors())
     } else {
         problem
     })

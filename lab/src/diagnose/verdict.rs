@@ -51,7 +51,8 @@ pub(super) fn by_one_clock(
     let Prepared { problem: full, mut floors, excluded, shortest_block_s, loads } = prepare(machine, data)?;
     let rows = working_rows(data, &excluded);
     let of_rows = |data: Measurements| {
-        Problem::new(machine, data, &[], shortest_block_s).with_loads(loads.cells()).with_noise(full.noise)
+        let all = Problem::new(machine, data, &[], shortest_block_s).by_output(full.output_factors());
+        all.with_loads(loads.cells()).with_noise(full.noise)
     };
     let work = of_rows(data.select(&rows));
     let few = tried_rows(&work.data).map(|rows| (of_rows(work.data.select(&rows)), rows));
