@@ -28,7 +28,7 @@ pub fn glance(observer: &mut Observer, now_ns: i64) -> Vec<GlanceLine> {
     let recording_s = observer.recording_s(&observer.members(), now_ns);
     let newest = observer.newest();
     let off_deg = observer.tracking().rms(now_ns).map(f64::to_degrees);
-    lines.push(rest(operator_line(newest.input.as_ref())));
+    lines.push(rest(operator_line(newest.fresh_input(now_ns))));
     if let Some(setpoint) =
         newest.setpoint.filter(|setpoint| newest.fresh_state(now_ns).is_some() && setpoint.n_joints == 0)
     {

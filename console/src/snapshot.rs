@@ -55,6 +55,11 @@ impl NewestSamples {
         self.state.as_ref().filter(|state| now_ns - state.sample_ns < STALE_NS)
     }
 
+    /// What the operator does, where that is no older than a picture: a master that hangs says nothing of him.
+    pub fn fresh_input(&self, now_ns: i64) -> Option<&OperatorInput> {
+        self.input.as_ref().filter(|input| now_ns - input.sample_ns < STALE_NS)
+    }
+
     /// The shape, where it is fresh enough to be a picture.
     pub fn fresh_shape(&self, now_ns: i64) -> Option<&Shape> {
         self.shape.as_ref().filter(|shape| now_ns - shape.sample_ns < SHAPE_STALE_NS)
@@ -71,11 +76,12 @@ impl NewestSamples {
 
     /// The state to be shown while these reasons hold.
     pub fn shown(&self, now_ns: i64, reasons: Reasons) -> Shown {
+        let input = self.fresh_input(now_ns);
         let circumstances = ShownState {
             state: self.fresh_state(now_ns),
-            device: self.input.and_then(|input| input.device()),
-            is_present: self.input.is_some_and(|input| input.operator_present()),
-            is_clutched: self.input.is_some_and(|input| input.clutch_pressed()),
+            device: input.and_then(OperatorInput::device),
+            is_present: input.is_some_and(OperatorInput::operator_present),
+            is_clutched: input.is_some_and(OperatorInput::clutch_pressed),
             phase: self.setpoint.and_then(|setpoint| setpoint.phase()),
             is_limited: reasons.iter().any(|reason| !self.words_of(reason, now_ns).banner.is_empty()),
         };
@@ -215,7 +221,7 @@ pub fn frame(newest: &NewestSamples, moment: &Moment, facts: &Facts) -> serde_js
             n_refused: state.n_refused,
             failure: matches!(shown, Shown::Fault | Shown::Emergency).then(|| fault_sentence(state)),
         }),
-        operator: newest.input.map(|input| Operator {
+        operator: newest.fresh_input(moment.now_ns).map(|input| Operator {
             device: input.device().map_or("unknown", device_word),
             present: input.operator_present(),
             clutch: input.clutch_pressed(),

@@ -69,7 +69,12 @@ async fn stop(State(shared): State<Arc<StopShared>>, Path(token): Path<String>, 
     if !shared.token.is(&token) {
         return refuse("this is not the stop of the console that runs now; open the address that it printed");
     }
-    let outcome = shared.desk.stop().await;
+    // In a task of its own: who has pressed may close the page, press again or lose the tunnel, and a handler ends with its connection. A
+    // stop that nothing confirms becomes a disable all the same.
+    let desk = Arc::clone(&shared.desk);
+    let Ok(outcome) = tokio::spawn(async move { desk.stop().await }).await else {
+        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
+    };
     let wants_json = request.headers().get(header::ACCEPT).is_some_and(|accept| accept == "application/json");
     if wants_json {
         return match serde_json::to_string(&outcome) {

@@ -112,6 +112,17 @@ impl Console {
         answer.body
     }
 
+    /// Asks for a stop and is gone before the answer, as a page that is closed is.
+    pub fn press_stop_and_leave(&self) {
+        let port = self.stop_port();
+        let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
+        let text =
+            head("localhost", port, "POST", &self.stop_path(), &[("Origin", &format!("http://localhost:{port}"))], 0);
+        stream.write_all(text.as_bytes()).expect("sent");
+        // Until it has been read: a stop that never arrived is none.
+        std::thread::sleep(Duration::from_millis(20));
+    }
+
     /// Path of the stop's document, token included.
     pub fn stop_path(&self) -> String {
         format!("/stop/{}", self.stop.rsplit_once('/').expect("a token").1)

@@ -330,6 +330,19 @@ fn a_stop_that_the_slave_does_not_confirm_becomes_a_disable_and_is_never_called_
     let mut page = console.page();
     let is_off = wait_until(PATIENCE, || next_of_kind(&mut page, "frame")["state"]["operating"] == "DISABLED");
     assert!(is_off, "awake, its power is off");
+
+    // Who presses and closes the page, or presses again, is obeyed too.
+    let _of_before = asked();
+    kill_process(slave, Signal::STOP).expect("frozen");
+    console.press_stop_and_leave();
+    let mut left = Vec::new();
+    let is_asked = wait_until(Duration::from_secs(1), || {
+        left.extend(asked());
+        !left.is_empty()
+    });
+    kill_process(slave, Signal::CONT).expect("awake");
+    assert!(is_asked, "nothing was asked for once the page had gone");
+    assert!(left.iter().all(|transition| *transition == Some(Transition::Disable)), "{left:?}");
     krait.signal(Signal::TERM);
     krait.end(PATIENCE);
     assert_eq!(processes_of(&instance), [], "no process is left");
