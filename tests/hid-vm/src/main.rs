@@ -52,28 +52,29 @@ fn run_parts(fault: DeviceFault) -> bool {
     if !has_daemon {
         println!("HID-VM spacenavd SKIPPED the daemon is not in this machine");
     }
-    (!has_daemon || run_all([("spacenavd", Box::new(parts::spacenavd))]))
-        & run_all([
-            ("devices", Box::new(parts::devices)),
-            ("chain", Box::new(move || parts::chain(fault))),
-            ("control", Box::new(parts::control)),
-            ("unplug", Box::new(parts::unplug)),
-            ("replug", Box::new(parts::hid_replug)),
-            ("replug_control", Box::new(parts::hid_replug_control)),
-            ("receiver", Box::new(parts::receiver)),
-            ("unreadable", Box::new(parts::unreadable)),
-            ("malformed", Box::new(parts::malformed)),
-            ("lights", Box::new(parts::lights)),
-            ("rumble", Box::new(parts::rumble)),
-            ("shipped_rumble", Box::new(parts::shipped_rumble)),
-            ("stick", Box::new(move || parts::stick(fault))),
-            ("stick_control", Box::new(parts::stick_control)),
-            ("live", Box::new(move || parts::live(fault))),
-            ("live_control", Box::new(parts::live_control)),
-            ("two_hands", Box::new(move || parts::two_hands(fault))),
-            ("pedal", Box::new(parts::pedal)),
-            ("two_control", Box::new(parts::two_control)),
-        ])
+    let daemon: [Part; 1] = [("spacenavd", Box::new(parts::spacenavd))];
+    let others: [Part; 19] = [
+        ("devices", Box::new(parts::devices)),
+        ("chain", Box::new(move || parts::chain(fault))),
+        ("control", Box::new(parts::control)),
+        ("unplug", Box::new(parts::unplug)),
+        ("replug", Box::new(parts::hid_replug)),
+        ("replug_control", Box::new(parts::hid_replug_control)),
+        ("receiver", Box::new(parts::receiver)),
+        ("unreadable", Box::new(parts::unreadable)),
+        ("malformed", Box::new(parts::malformed)),
+        ("lights", Box::new(parts::lights)),
+        ("rumble", Box::new(parts::rumble)),
+        ("shipped_rumble", Box::new(parts::shipped_rumble)),
+        ("stick", Box::new(move || parts::stick(fault))),
+        ("stick_control", Box::new(parts::stick_control)),
+        ("live", Box::new(move || parts::live(fault))),
+        ("live_control", Box::new(parts::live_control)),
+        ("two_hands", Box::new(move || parts::two_hands(fault))),
+        ("pedal", Box::new(parts::pedal)),
+        ("two_control", Box::new(parts::two_control)),
+    ];
+    are_known(&[names(&daemon), names(&others)].concat()) && (!has_daemon || run_all(daemon)) & run_all(others)
 }
 
 /// Those that need QEMU's own devices, in a machine that can ask for them.
@@ -89,7 +90,7 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
         let qmp = Rc::clone(&qmp);
         Box::new(move || part(&mut qmp.borrow_mut(), fault))
     };
-    run_all([
+    let all: [Part; 16] = [
         ("mouse", part(parts::mouse)),
         ("tablet", part(parts::tablet)),
         ("keyboard", part(parts::keyboard)),
@@ -106,12 +107,32 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
         ("mouse_repeated", part(|qmp, _| parts::mouse_repeated(qmp))),
         ("keyboard_repeated", part(|qmp, _| parts::keyboard_repeated(qmp))),
         ("tablet_repeated", part(|qmp, _| parts::tablet_repeated(qmp))),
-    ])
+    ];
+    are_known(&names(&all)) && run_all(all)
+}
+
+fn names(parts: &[Part]) -> Vec<&'static str> {
+    parts.iter().map(|(name, _)| *name).collect()
+}
+
+/// The names in `KRAIT_HID_VM_ONLY`, by commas; empty for all parts.
+fn only() -> String {
+    std::env::var("KRAIT_HID_VM_ONLY").unwrap_or_default()
+}
+
+/// Whether every part that is asked for by name is one of these: a rig that runs nothing has shown nothing.
+fn are_known(names: &[&str]) -> bool {
+    let unknown: Vec<String> =
+        only().split(',').filter(|own| !own.is_empty() && !names.contains(own)).map(str::to_owned).collect();
+    if !unknown.is_empty() {
+        println!("HID-VM parts FAIL none is called {}; there are {}", unknown.join(","), names.join(","));
+    }
+    unknown.is_empty()
 }
 
 fn run_all<const N: usize>(parts: [Part; N]) -> bool {
     let mut all = true;
-    let only = std::env::var("KRAIT_HID_VM_ONLY").unwrap_or_default();
+    let only = only();
     let is_wanted = |name: &str| only.is_empty() || only.split(',').any(|wanted| wanted == name);
     let Some((first, step)) = share(&std::env::var("KRAIT_HID_VM_SHARE").unwrap_or_default()) else {
         println!("HID-VM share FAIL KRAIT_HID_VM_SHARE is not as 1/2, the first half of the parts, or nothing");
