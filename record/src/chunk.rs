@@ -28,12 +28,16 @@ impl ChunkRecords {
         self.bytes.get(range.clone()).unwrap_or_default()
     }
 
-    /// Replaces what is held by what a record of the file holds. Anything but a chunk, schema, channel or message leaves
-    /// nothing.
+    /// Replaces what is held by what a record of the file holds. Anything but a chunk, schema or channel leaves nothing: krait writes each
+    /// message into a chunk, whose checksum covers it. One flipped bit makes a message of the index behind a chunk.
     ///
     /// # Errors
     /// What is damaged, in words.
     pub(crate) fn read(&mut self, opcode: u8, body: &[u8]) -> Result<(), String> {
+        if opcode == op::MESSAGE {
+            self.clear();
+            return Err("a message in no chunk, where nothing says whether it is whole".to_owned());
+        }
         self.read_up_to(opcode, body, MAX_UNPACKED_BYTES)
     }
 

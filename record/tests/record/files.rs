@@ -152,6 +152,29 @@ fn a_file_damaged_at_any_byte_never_panics_and_never_gives_a_sample_that_was_not
     assert!(n_opened > 300, "one flipped bit rarely costs the whole file: {n_opened} of 400 opened");
 }
 
+/// One bit lies between the opcode of the index behind a chunk and that of a message, for which its bytes would then be taken.
+#[test]
+fn an_index_that_a_flipped_bit_calls_a_message_is_named_and_gives_no_sample() {
+    const MESSAGE_INDEX: u8 = 7;
+    let (path, written) = recorded_file("flipped_index.mcap", 500);
+    let mut bytes = fs::read(&path).expect("read");
+    let (mut at, mut flipped) = (8, Vec::new());
+    while at + 9 < bytes.len() - 8 {
+        if bytes[at] == MESSAGE_INDEX {
+            flipped.push(at);
+        }
+        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().expect("eight bytes")) as usize;
+    }
+    assert!(flipped.len() > 5, "an index for each channel of each chunk");
+    flipped.iter().for_each(|at| bytes[*at] ^= 2);
+    fs::write(&path, &bytes).expect("written");
+    let recording = Recording::open(&path).expect("opened");
+    assert_eq!(recording.contents().missing.len(), flipped.len());
+    let back = read(&recording);
+    assert_eq!(back.len(), written.len());
+    assert_is_prefix(&back, &written);
+}
+
 #[test]
 fn a_damaged_chunk_costs_its_own_samples_only_and_is_named_with_its_offset() {
     let (path, written) = recorded_file("one_chunk.mcap", 1000);

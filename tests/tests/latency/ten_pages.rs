@@ -29,6 +29,8 @@ const READERS: usize = 9;
 const STALLED: usize = 100;
 /// Environment variable with the chain's SCHED_FIFO priority; without it the chain shares time as every other process.
 const PRIORITY: &str = "KRAIT_PRIORITY";
+/// Environment variable that is 1 where the chain's cores are kept from sleeping.
+const KEEP_AWAKE: &str = "KRAIT_KEEP_AWAKE";
 /// With a priority whatever is beside the chain changes its p50 by less than this, beside the slower of two runs without a console.
 const MOST_RATIO: f64 = 1.1;
 /// Of the pictures that the server sends the browser paints so many at least, beside a chain on the same cores.
@@ -62,8 +64,12 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     println!("load before: {}", load());
     let config = folder.file("config.toml");
     let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "0".to_owned());
-    println!("[realtime] priority = {priority}");
-    std::fs::write(&config, format!("[realtime]\npriority = {priority}\n")).expect("written");
+    let realtime = format!(
+        "[realtime]\npriority = {priority}\nkeep_awake = {}\n",
+        std::env::var(KEEP_AWAKE).is_ok_and(|own| own == "1")
+    );
+    println!("{realtime}");
+    std::fs::write(&config, realtime).expect("written");
     let arguments = ["run", "--engage=again", "--instance", &instance, "--config", &config, "--recording", &recording];
     let chain = Krait::start(&arguments);
     let mut stretches = Stretches::new();
