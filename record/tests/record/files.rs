@@ -152,19 +152,41 @@ fn a_file_damaged_at_any_byte_never_panics_and_never_gives_a_sample_that_was_not
     assert!(n_opened > 300, "one flipped bit rarely costs the whole file: {n_opened} of 400 opened");
 }
 
-/// One bit lies between the opcode of the index behind a chunk and that of a message, for which its bytes would then be taken.
-#[test]
-fn an_index_that_a_flipped_bit_calls_a_message_is_named_and_gives_no_sample() {
-    const MESSAGE_INDEX: u8 = 7;
-    let (path, written) = recorded_file("flipped_index.mcap", 500);
-    let mut bytes = fs::read(&path).expect("read");
-    let (mut at, mut flipped) = (8, Vec::new());
+/// Where the records with this opcode begin.
+fn places_of(opcode: u8, bytes: &[u8]) -> Vec<usize> {
+    let (mut at, mut found) = (8, Vec::new());
     while at + 9 < bytes.len() - 8 {
-        if bytes[at] == MESSAGE_INDEX {
-            flipped.push(at);
+        if bytes[at] == opcode {
+            found.push(at);
         }
         at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().expect("eight bytes")) as usize;
     }
+    found
+}
+
+/// Whichever bit of its opcode is flipped, a chunk is named as missing and not passed over.
+#[test]
+fn a_chunk_whose_opcode_is_damaged_is_named() {
+    let (path, written) = recorded_file("flipped_chunk.mcap", 1000);
+    let whole = fs::read(&path).expect("read");
+    let at = places_of(6, &whole)[1];
+    for bit in 0..8 {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 1 << bit;
+        fs::write(&path, &bytes).expect("written");
+        let recording = Recording::open(&path).expect("opened");
+        assert!(!recording.contents().missing.is_empty(), "bit {bit}");
+        let n_back = read(&recording).len();
+        assert!(n_back > 0 && n_back < written.len(), "bit {bit}: {n_back}");
+    }
+}
+
+/// One bit lies between the opcode of the index behind a chunk and that of a message, for which its bytes would then be taken.
+#[test]
+fn an_index_that_a_flipped_bit_calls_a_message_is_named_and_gives_no_sample() {
+    let (path, written) = recorded_file("flipped_index.mcap", 500);
+    let mut bytes = fs::read(&path).expect("read");
+    let flipped = places_of(7, &bytes);
     assert!(flipped.len() > 5, "an index for each channel of each chunk");
     flipped.iter().for_each(|at| bytes[*at] ^= 2);
     fs::write(&path, &bytes).expect("written");
