@@ -140,6 +140,22 @@ pub(crate) fn attachment_lengths_add_up(body: &[u8]) -> bool {
     data_at.zip(n_rest).and_then(|(at, n)| n.checked_add(at as u64)) == Some(body.len() as u64)
 }
 
+/// Checks that a record that holds no samples is one of those that help to find others: a chunk whose opcode a flipped bit has changed
+/// would be passed over else.
+///
+/// # Errors
+/// What is damaged, in words.
+pub(crate) fn check_index(opcode: u8, body: &[u8]) -> Result<(), String> {
+    let is_whole = match opcode {
+        op::MESSAGE_INDEX => u32_at(body, 2).map(|n_bytes| u64::from(n_bytes) + 6) == Some(body.len() as u64),
+        op::SUMMARY_OFFSET => body.len() == 17,
+        op::DATA_END => body.len() == 4,
+        op::CHUNK_INDEX | op::STATISTICS | op::ATTACHMENT_INDEX | op::METADATA_INDEX => parse(opcode, body).is_ok(),
+        _ => return Err(format!("a record of kind {opcode}, which krait does not write")),
+    };
+    if is_whole { Ok(()) } else { Err("its lengths contradict each other".to_owned()) }
+}
+
 fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..at.checked_add(4)?)?.try_into().ok().map(u32::from_le_bytes)
 }

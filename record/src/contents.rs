@@ -1,7 +1,7 @@
 //! What is in a recording and what is missing from it: found by one walk through the whole file, trusting nothing in it.
 
 use crate::about::Attachment;
-use crate::chunk::{ChunkRecords, attachment_lengths_add_up};
+use crate::chunk::{ChunkRecords, attachment_lengths_add_up, check_index};
 use crate::error::RecordingReadError;
 use crate::framing::{Framing, Step};
 use crate::parse::parse;
@@ -203,7 +203,7 @@ impl<'a> Scan<'a> {
                 }
             },
             _ => {
-                if let Err(what) = index_record(opcode, body) {
+                if let Err(what) = check_index(opcode, body) {
                     self.damaged(offset, what);
                 }
                 Ok(())
@@ -307,19 +307,6 @@ impl<'a> Scan<'a> {
         }
         Ok((self.contents, self.directory))
     }
-}
-
-/// Whether a record is one of those that help to find others: a chunk whose opcode a flipped bit has changed would be passed over else.
-fn index_record(opcode: u8, body: &[u8]) -> Result<(), String> {
-    let n_pairs = || Some(u32::from_le_bytes(body.get(2..6)?.try_into().ok()?) as usize);
-    let is_whole = match opcode {
-        op::MESSAGE_INDEX => n_pairs().and_then(|n| n.checked_add(6)) == Some(body.len()),
-        op::SUMMARY_OFFSET => body.len() == 17,
-        op::DATA_END => body.len() == 4,
-        op::CHUNK_INDEX | op::STATISTICS | op::ATTACHMENT_INDEX | op::METADATA_INDEX => parse(opcode, body).is_ok(),
-        _ => return Err(format!("a record of kind {opcode}, which krait does not write")),
-    };
-    if is_whole { Ok(()) } else { Err("its lengths contradict each other".to_owned()) }
 }
 
 /// A count that the recorder wrote about itself; 0 where it wrote none.

@@ -1,6 +1,6 @@
 //! Makes a whole file of what a killed recorder, a dead machine or a damaged disk has left.
 
-use crate::chunk::{ChunkRecords, attachment_lengths_add_up};
+use crate::chunk::{ChunkRecords, attachment_lengths_add_up, check_index};
 use crate::contents::Missing;
 use crate::error::{RecordError, RecordingReadError};
 use crate::framing::{Framing, RECORD_HEAD, Step};
@@ -161,7 +161,7 @@ struct Copy<'a> {
 impl Copy<'_> {
     fn record(&mut self, opcode: u8, body: &[u8], chunk: &mut ChunkRecords) -> Result<(), McapError> {
         let is_readable = match opcode {
-            op::CHUNK | op::MESSAGE => match chunk.read(opcode, body) {
+            op::CHUNK => match chunk.read(opcode, body) {
                 Ok(()) => {
                     self.messages(chunk)?;
                     true
@@ -176,7 +176,9 @@ impl Copy<'_> {
                 }
                 Err(_) => false,
             },
-            _ => true,
+            op::HEADER | op::SCHEMA | op::CHANNEL => parse(opcode, body).is_ok(),
+            op::FOOTER => body.len() == 20,
+            _ => check_index(opcode, body).is_ok(),
         };
         if !is_readable {
             self.saved.n_bytes_dropped += body.len() as u64 + RECORD_HEAD;

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::fresh_path;
+use common::{fresh_path, places_of};
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use krait_record::Recording;
 use mcap::records::MessageHeader;
@@ -75,11 +75,8 @@ fn a_chunk_that_lies_about_its_size_yields_nothing() {
     let path = fresh_path("liar.mcap");
     bomb(&path, 64 << 20);
     let mut bytes = std::fs::read(&*path).expect("there");
-    // Behind the magic stand records: opcode, length, body. A chunk's body begins with two times and the unpacked size.
-    let mut at = 8;
-    while bytes[at] != 6 {
-        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().expect("eight")) as usize;
-    }
+    // Opcode and length, then a chunk's body, which begins with two times and the unpacked size.
+    let at = places_of(6, &bytes)[0];
     bytes[at + 25..at + 33].copy_from_slice(&1000_u64.to_le_bytes());
     std::fs::write(&*path, &bytes).expect("written");
     let before = N_BYTES.load(Relaxed);

@@ -274,6 +274,18 @@ pub fn fresh_path(name: &str) -> TestPath {
     TestPath(folder.join(name))
 }
 
+/// Where the records of a file with this opcode begin: behind the magic stand opcode, length and body of each.
+pub fn places_of(opcode: u8, bytes: &[u8]) -> Vec<usize> {
+    let (mut at, mut found) = (8, Vec::new());
+    while at + 9 < bytes.len() - 8 {
+        if bytes[at] == opcode {
+            found.push(at);
+        }
+        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().expect("eight bytes")) as usize;
+    }
+    found
+}
+
 impl Drop for TestPath {
     fn drop(&mut self) {
         self.0.parent().map(std::fs::remove_dir_all);

@@ -1,9 +1,10 @@
 //! Files in every state: whole, cut at any byte, damaged at any byte, of somebody else, on a full disk.
 
-use crate::common::{chain, fresh_path, plausible, words_of};
+use crate::common::{chain, fresh_path, places_of, plausible, words_of};
 use krait_ipc::message::{Message, Shape};
 use krait_record::{
     About, Attachment, Missing, RecordError, Recorded, Recording, RecordingReadError, RecordingSink, RecordingWriter,
+    recover,
 };
 use krait_schema::{Channel, Sample};
 use std::collections::BTreeMap;
@@ -152,18 +153,6 @@ fn a_file_damaged_at_any_byte_never_panics_and_never_gives_a_sample_that_was_not
     assert!(n_opened > 300, "one flipped bit rarely costs the whole file: {n_opened} of 400 opened");
 }
 
-/// Where the records with this opcode begin.
-fn places_of(opcode: u8, bytes: &[u8]) -> Vec<usize> {
-    let (mut at, mut found) = (8, Vec::new());
-    while at + 9 < bytes.len() - 8 {
-        if bytes[at] == opcode {
-            found.push(at);
-        }
-        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().expect("eight bytes")) as usize;
-    }
-    found
-}
-
 /// Whichever bit of its opcode is flipped, a chunk is named as missing and not passed over.
 #[test]
 fn a_chunk_whose_opcode_is_damaged_is_named() {
@@ -178,6 +167,9 @@ fn a_chunk_whose_opcode_is_damaged_is_named() {
         assert!(!recording.contents().missing.is_empty(), "bit {bit}");
         let n_back = read(&recording).len();
         assert!(n_back > 0 && n_back < written.len(), "bit {bit}: {n_back}");
+        let saved = recover(&path, &path.with_extension("recovered.mcap")).expect("recovered");
+        assert!(saved.n_bytes_dropped > 1000, "bit {bit}: a chunk, and {} bytes dropped", saved.n_bytes_dropped);
+        fs::remove_file(path.with_extension("recovered.mcap")).expect("there");
     }
 }
 
