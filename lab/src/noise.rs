@@ -131,13 +131,8 @@ pub(crate) fn by_differences(problem: &Problem, residual: &[f64]) -> Option<(f64
     let data = &problem.data;
     let width = data.n_outputs;
     let rows: Vec<usize> = (0..data.n_rows()).filter(|row| problem.weight[row * width] > 0.0).collect();
-    let step_s = median(rows.windows(2).map(|w| data.time_s[w[1]] - data.time_s[w[0]]).collect())?;
     let mut squares = Vec::new();
-    for w in rows.windows(4) {
-        let gap_s = data.time_s[w[3]] - data.time_s[w[0]];
-        if data.trial[w[0]] != data.trial[w[3]] || gap_s > 4.5 * step_s {
-            continue;
-        }
+    for w in four_neighbours(data, &rows)? {
         for k in 0..width {
             let r = |i: usize| residual[w[i] * width + k];
             squares.push((r(3) - 3.0 * r(2) + 3.0 * r(1) - r(0)).powi(2) / 20.0);
@@ -150,6 +145,18 @@ pub(crate) fn by_differences(problem: &Problem, residual: &[f64]) -> Option<(f64
         return None;
     }
     Some(((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), squares.len()))
+}
+
+/// Every four of these rows that follow each other in one trial, without a gap; `None` of fewer than two rows.
+pub(crate) fn four_neighbours<'a>(
+    data: &'a Measurements,
+    rows: &'a [usize],
+) -> Option<impl Iterator<Item = &'a [usize]> + Clone> {
+    let step_s = median(rows.windows(2).map(|w| data.time_s[w[1]] - data.time_s[w[0]]).collect())?;
+    let are_near = move |w: &&[usize]| {
+        data.trial[w[0]] == data.trial[w[3]] && data.time_s[w[3]] - data.time_s[w[0]] <= 4.5 * step_s
+    };
+    Some(rows.windows(4).filter(are_near))
 }
 
 /// Half the mean square of differences a second or more apart in rests, as a standard deviation with its relative standard error; and

@@ -3,7 +3,7 @@
 //! What changes from row to row is compared output by output. Where one is clearly noisier than another, each counts by its own noise:
 //! squares of a likelihood are in units of the noise.
 
-use crate::noise::{bounds, median};
+use crate::noise::{bounds, four_neighbours, median};
 use crate::{Problem, Quantity};
 
 /// Outputs whose noise differs by less are taken for alike: one number for all loses less than a sixth of what the data tell.
@@ -39,32 +39,21 @@ pub(crate) fn output_factors(problem: &Problem, residual: &[f64]) -> Vec<f64> {
 /// The same by some of the scored rows alone; `None` where they do not tell.
 fn factors(problem: &Problem, residual: &[f64], rows: &[usize]) -> Option<Vec<f64>> {
     let n = problem.data.n_outputs;
+    let neighbours: Vec<&[usize]> = four_neighbours(&problem.data, rows)?.collect();
     let sigma = |k: usize| {
-        let third = by_differences(problem, residual, rows, k, &[-1.0, 3.0, -3.0, 1.0])?;
-        let second = by_differences(problem, residual, rows, k, &[1.0, -2.0, 1.0])?;
+        // Standard deviation of white noise by the middle of such differences, which corners of a motion do not move.
+        let by = |of: &[f64]| {
+            let difference =
+                |w: &&[usize]| w.iter().zip(of).map(|(row, part)| part * residual[row * n + k]).sum::<f64>();
+            let scale = MEDIAN_OF_NORMAL * of.iter().map(|part| part * part).sum::<f64>().sqrt();
+            median(neighbours.iter().map(|w| difference(w).abs()).collect()).map(|middle| middle / scale)
+        };
+        let (third, second) = (by(&[-1.0, 3.0, -3.0, 1.0])?, by(&[1.0, -2.0, 1.0])?);
         (third > 0.0 && second < AGREE * third).then_some(third)
     };
-    let all = (0..n).map(sigma).collect::<Option<Vec<f64>>>()?;
+    let all = (neighbours.len() >= FEWEST).then(|| (0..n).map(sigma).collect::<Option<Vec<f64>>>())??;
     let mean = (all.iter().map(|own| own * own).sum::<f64>() / n as f64).sqrt();
     Some(all.iter().map(|own| mean / own).collect())
-}
-
-/// Standard deviation of an output's white noise by the middle of such differences of neighbouring rows, which corners of a motion do not
-/// move; `None` of few.
-fn by_differences(problem: &Problem, residual: &[f64], rows: &[usize], output: usize, of: &[f64]) -> Option<f64> {
-    let data = &problem.data;
-    let step_s = median(rows.windows(2).map(|two| data.time_s[two[1]] - data.time_s[two[0]]).collect())?;
-    let is_one = |w: &&[usize]| {
-        let gap_s = data.time_s[w[w.len() - 1]] - data.time_s[w[0]];
-        data.trial[w[0]] == data.trial[w[w.len() - 1]] && gap_s < 1.5 * of.len() as f64 * step_s
-    };
-    let difference = |w: &[usize]| {
-        let terms = w.iter().zip(of).map(|(row, part)| part * residual[row * data.n_outputs + output]);
-        terms.sum::<f64>().abs()
-    };
-    let all: Vec<f64> = rows.windows(of.len()).filter(is_one).map(difference).collect();
-    let scale = MEDIAN_OF_NORMAL * of.iter().map(|part| part * part).sum::<f64>().sqrt();
-    if all.len() < FEWEST { None } else { median(all).map(|middle| middle / scale) }
 }
 
 /// Which outputs are how noisy, in a sentence; `None` where all are alike.

@@ -5,6 +5,7 @@ use crate::machine::MachineUnderTest;
 use crate::noise::{FloorSource, NoiseFloor};
 use crate::outliers::outliers;
 use crate::output_noise::output_factors;
+use crate::problem::scale_by_output;
 use crate::{LabError, Measurements, Problem, scored_time_s};
 
 /// Measurements ready for a fit.
@@ -32,9 +33,7 @@ pub(crate) fn prepare<'a>(machine: &'a dyn MachineUnderTest, data: &Measurements
     let raw = Problem::new(machine, data.clone(), &[], FIRST_BLOCK_S);
     let mut residual = raw.residual(machine.effects())?;
     let factors = output_factors(&raw, &residual);
-    residual
-        .chunks_mut(factors.len())
-        .for_each(|row| row.iter_mut().zip(&factors).for_each(|(own, part)| *own *= part));
+    scale_by_output(&mut residual, &factors);
     let raw = raw.by_output(&factors);
     let excluded = outliers(&raw, &residual);
     let floors =

@@ -75,9 +75,7 @@ impl<'a> Problem<'a> {
 
     /// The same with outputs that count by a factor each.
     pub(crate) fn by_output(mut self, factors: &[f64]) -> Self {
-        for row in self.weight.chunks_mut(factors.len().max(1)) {
-            row.iter_mut().zip(factors).for_each(|(weight, factor)| *weight *= factor);
-        }
+        scale_by_output(&mut self.weight, factors);
         self.output_factors = factors.to_vec();
         self
     }
@@ -232,6 +230,11 @@ impl<'a> Problem<'a> {
         bounds.push(self.block.len() * width);
         bounds
     }
+}
+
+/// Multiplies the outputs of all rows, row after row, by a factor each.
+pub(crate) fn scale_by_output(values: &mut [f64], factors: &[f64]) {
+    values.iter_mut().zip(factors.iter().cycle()).for_each(|(value, factor)| *value *= factor);
 }
 
 fn typical_sigma(data: &Measurements) -> f64 {

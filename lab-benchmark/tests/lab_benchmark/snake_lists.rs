@@ -6,6 +6,8 @@ use krait_lab::machine::{MachineUnderTest, SnakeLab};
 use krait_lab::{Problem, Term};
 use krait_lab_benchmark::generate::{Generated, Kind, Motion, Recipe, base_model, generate};
 use krait_model::model_file::ModelFile;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 
 fn snake() -> SnakeLab {
     SnakeLab::new(&ModelFile::parse(&base_model()).unwrap()).unwrap()
@@ -20,11 +22,8 @@ fn made(kinds: &[(&str, f64)], seed: u64) -> Generated {
 #[test]
 fn a_component_of_the_bend_that_is_four_times_as_noisy_hides_no_effect() {
     let mut made = made(&[("softening", 3.0), ("plane-offset", 2.0), ("camera-offset", 2.0)], 13);
-    let mut state = 5_u64;
-    let mut even = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-    };
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let mut even = || f64::from(random.next_u32()) / f64::from(u32::MAX) - 0.5;
     // 1.2 deg, as the sum of twelve even numbers.
     let mut noise = || (0..12).map(|_| even()).sum::<f64>() * 1.2_f64.to_radians();
     made.measurements.outputs.chunks_mut(2).for_each(|row| row[1] += noise());
