@@ -91,7 +91,7 @@ impl Console {
     /// Begins such a POST to the stop.
     pub fn stop_in_part(&self) -> TcpStream {
         let port = self.stop_port();
-        in_part("localhost", port, &self.stop_path(), &[("Origin", &format!("http://localhost:{port}"))])
+        in_part("localhost", port, &self.stop_path(), &[("Origin", &self.stop_origin())])
     }
 
     /// Asks the page's port for a path `n` times on one connection, until what came is enough.
@@ -106,8 +106,7 @@ impl Console {
 
     /// Asks for a stop as the stop's own document does; what it says then.
     pub fn press_stop(&self) -> String {
-        let origin = format!("http://localhost:{}", self.stop_port());
-        let answer = self.at_stop("POST", &self.stop_path(), &[("Origin", &origin)]);
+        let answer = self.at_stop("POST", &self.stop_path(), &[("Origin", &self.stop_origin())]);
         assert_eq!(answer.status, 200, "{answer:?}");
         answer.body
     }
@@ -116,8 +115,7 @@ impl Console {
     pub fn press_stop_and_leave(&self) {
         let port = self.stop_port();
         let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("it listens");
-        let text =
-            head("localhost", port, "POST", &self.stop_path(), &[("Origin", &format!("http://localhost:{port}"))], 0);
+        let text = head("localhost", port, "POST", &self.stop_path(), &[("Origin", &self.stop_origin())], 0);
         stream.write_all(text.as_bytes()).expect("sent");
         // Until it has been read: a stop that never arrived is none.
         std::thread::sleep(Duration::from_millis(20));
@@ -126,6 +124,11 @@ impl Console {
     /// Path of the stop's document, token included.
     pub fn stop_path(&self) -> String {
         format!("/stop/{}", self.stop.rsplit_once('/').expect("a token").1)
+    }
+
+    /// Origin of the stop's document.
+    pub fn stop_origin(&self) -> String {
+        format!("http://localhost:{}", self.stop_port())
     }
 
     /// Port of the stop.

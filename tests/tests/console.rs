@@ -236,7 +236,7 @@ fn a_stop_needs_its_own_token_and_origin_and_nothing_else_and_the_drives_confirm
     let instance = instance_name("stop");
     let mut krait = Krait::start(&["run", "--instance", &instance, "--engage", "--console", "--no-recording"]);
     let console = Console::of(&mut krait);
-    let (path, origin) = (console.stop_path(), format!("http://localhost:{}", console.stop_port()));
+    let (path, origin) = (console.stop_path(), console.stop_origin());
     let foreign = [("Origin", "http://evil.example")];
     assert_eq!(console.at_stop("POST", &path, &foreign).status, 403, "a foreign page");
     assert_eq!(console.at_stop("POST", &path, &[("Origin", "null")]).status, 403, "a page without an origin");
