@@ -142,6 +142,16 @@ impl Names {
 }
 
 impl Measurements {
+    /// Names of the outputs, as sentences and pictures have them.
+    pub(crate) fn output_names(&self) -> Vec<String> {
+        match self.quantity {
+            Quantity::Snake => ["bend x", "bend y"].map(str::to_owned).to_vec(),
+            Quantity::Segments | Quantity::Joints | Quantity::Force => {
+                (0..self.n_outputs).map(|k| self.names.output(k)).collect()
+            }
+        }
+    }
+
     /// Rows.
     pub fn n_rows(&self) -> usize {
         self.time_s.len()

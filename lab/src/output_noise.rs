@@ -63,13 +63,10 @@ pub(crate) fn caution(problem: &Problem) -> Option<String> {
     if high <= low {
         return None;
     }
-    let name = |k: usize| match problem.data.quantity {
-        Quantity::Snake if problem.data.names.outputs.is_empty() => ["bend x", "bend y"][k].to_owned(),
-        _ => problem.data.names.output(k),
-    };
+    let all = problem.data.output_names();
     let names = |at: f64| {
-        let own = factors.iter().enumerate().filter(|(_, own)| **own == at);
-        own.map(|(k, _)| name(k)).collect::<Vec<_>>().join(", ")
+        let own = all.iter().zip(factors).filter(|(_, own)| **own == at);
+        own.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
     };
     Some(format!(
         "{} changes {:.1} times as much from row to row as {}: each output counts by its own noise, in errors as well",

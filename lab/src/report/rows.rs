@@ -63,12 +63,7 @@ impl<'a> Rows<'a> {
 
     /// Names of the outputs.
     pub(super) fn outputs(&self) -> Vec<String> {
-        match self.data.quantity {
-            Quantity::Snake => ["bend x", "bend y"].map(str::to_owned).to_vec(),
-            Quantity::Segments | Quantity::Joints | Quantity::Force => {
-                (0..self.data.n_outputs).map(|k| self.data.names.output(k)).collect()
-            }
-        }
+        self.data.output_names()
     }
 
     /// Names of the axes along which residuals are looked at.
