@@ -108,6 +108,9 @@ pub fn words_of(reason: Reason) -> Words {
         Reason::ModelExchanged => words(Info, "The model was exchanged.", "Let go, then take hold anew.", ""),
         Reason::StopAsked => words(Hold, "A stop was asked for.", "Resume when the field is clear.", ""),
         Reason::Relaxing => words(Warn, "The lines are being relaxed.", "Keep clear; a stop ends it.", ""),
+        Reason::DriveEmergency => {
+            words(Warn, "A drive sent an emergency.", "It goes on; the log says which and why.", "")
+        }
         Reason::LoadUnknown => words(Warn, "A line\u{2019}s load is not measured.", "Its limit cannot be kept.", ""),
         Reason::CommandLate => words(Warn, "A command came too late.", "It was not executed; see Latency.", ""),
         Reason::ActuatorAccelerationLimit => {

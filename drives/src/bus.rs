@@ -72,6 +72,8 @@ pub struct Seen {
     pub has_let_go: PerActuator<bool>,
     /// What each complains of.
     pub trouble: PerActuator<Trouble>,
+    /// Code of the newest emergency that each sent and has not taken back since power was switched; 0: none.
+    pub emergency_code: PerActuator<u16>,
     /// Current of the motor, in the direction in which it drives the encoder, A.
     pub current_a: PerActuator<f64>,
     /// Torque of the motor, in the direction in which it drives the encoder, N m; NaN: not measured.

@@ -155,8 +155,8 @@ impl Drive for BusDrive {
     fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError> {
         self.look(stamp_ns);
         self.send(stamp_ns);
-        let Report { q_m, tau_n, sampled_ns, state, .. } = self.report;
-        Ok(DriveReading { q_tilde_m: q_m, tau_n, sampled_ns, state })
+        let Report { q_m, tau_n, sampled_ns, state, has_emergency, .. } = self.report;
+        Ok(DriveReading { q_tilde_m: q_m, tau_n, sampled_ns, state, has_emergency })
     }
 
     /// Encoders that are absolute within a turn have nothing to search: they must only stand within their travel.

@@ -77,7 +77,7 @@ pub(crate) fn record(begun_ns: i64, n: usize, wish: &Wish, told: &Told, seen: &S
             trouble,
             trouble_code,
             trouble_text,
-            reserved: 0,
+            emergency_code: seen.emergency_code[k].into(),
         };
     }
     cycle
@@ -96,6 +96,7 @@ pub(crate) fn seen_in(cycle: &DriveCycle) -> Seen {
         (seen.counts[k], seen.goal_counts[k], seen.n_boots[k]) = (own.counts, own.goal_counts, own.n_boots);
         (seen.current_a[k], seen.torque_nm[k]) = (own.current_a, own.torque_nm);
         (seen.temperature_celsius[k], seen.supply_v[k]) = (own.temperature_celsius, own.supply_v);
+        seen.emergency_code[k] = own.emergency_code as u16;
         seen.trouble[k] = match own.trouble {
             0 => Trouble::None,
             1 => Trouble::Limp,
@@ -151,7 +152,7 @@ impl AsWords<N> for DriveCycle {
                 two(own.counts.cast_unsigned(), own.n_boots),
                 two(own.flags, own.state),
                 two(own.trouble, own.trouble_code),
-                two(own.trouble_text, own.reserved),
+                two(own.trouble_text, own.emergency_code),
             ]);
         }
         words
@@ -179,7 +180,7 @@ impl AsWords<N> for DriveCycle {
         for (own, words) in cycle.actuators.iter_mut().zip(words[N_OF_HEAD..].chunks_exact(N_OF_ACTUATOR)) {
             let ([told_counts, goal_counts], [counts, n_boots]) = (halves(words[7]), halves(words[8]));
             let ([flags, state], [trouble, trouble_code]) = (halves(words[9]), halves(words[10]));
-            let [trouble_text, reserved] = halves(words[11]);
+            let [trouble_text, emergency_code] = halves(words[11]);
             *own = ActuatorCycle {
                 wish_q_m: f64::from_bits(words[0]),
                 sampled_ns: words[1].cast_signed(),
@@ -197,7 +198,7 @@ impl AsWords<N> for DriveCycle {
                 trouble,
                 trouble_code,
                 trouble_text,
-                reserved,
+                emergency_code,
             };
         }
         cycle
@@ -220,6 +221,7 @@ mod tests {
             (seen.temperature_celsius[k], seen.supply_v[k]) = (31.0, 7.4);
         }
         seen.trouble[0] = Trouble::HardwareStop { code: 0x9000 };
+        seen.emergency_code[1] = 0xFF01;
         (seen.trouble[1], seen.trouble[2]) =
             (Trouble::Limp, Trouble::Tripped { code: 0x8130, meaning: TEXTS[TEXTS.len() - 1] });
         let mut wish = Wish { stamp_ns: 5, turn: 2, has_power: true, ..Wish::default() };

@@ -103,11 +103,13 @@ pub enum Reason {
     /// The actuators give way to their lines' loads, because their power is about to go or one has let go of its line; value: the
     /// largest load, N.
     Relaxing = 48,
+    /// A drive sent an emergency that stops nothing.
+    DriveEmergency = 49,
 }
 
 impl Reason {
     /// Every reason, in the order of its bit.
-    pub const ALL: [Self; 49] = [
+    pub const ALL: [Self; 50] = [
         Self::OperatorAbsent,
         Self::Clutched,
         Self::DeviceLost,
@@ -157,6 +159,7 @@ impl Reason {
         Self::HandJumped,
         Self::FormulaFault,
         Self::Relaxing,
+        Self::DriveEmergency,
     ];
 
     /// The reason in words that a surgeon understands.
@@ -221,6 +224,9 @@ impl Reason {
             }
             Self::Relaxing => {
                 "the lines are being relaxed: the actuators slowly give way to their loads; a stop ends it"
+            }
+            Self::DriveEmergency => {
+                "a drive sent an emergency that stops nothing: look whether it is sound; the slave's log says which drive and why"
             }
         }
     }

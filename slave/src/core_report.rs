@@ -146,6 +146,10 @@ impl<D: Drive> SlaveCore<D> {
             findings.insert(Reason::DriveFault);
             findings.note(Reason::FollowingError, self.following_error_m(), self.following_error_limit_m());
         }
+        // Of a failed drive its failure is said.
+        if self.machine.state() != OperatingState::Fault && self.reading.has_emergency.contains(&true) {
+            findings.insert(Reason::DriveEmergency);
+        }
         if self.gives_way() {
             findings.note(Reason::Relaxing, self.largest_load_n(), self.relax.load_n);
         }

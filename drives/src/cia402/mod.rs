@@ -186,6 +186,7 @@ impl<W: Wire> Cia402<W> {
         (seen.temperature_celsius, seen.supply_v) = ([f64::NAN; MAX_ACTUATORS], [f64::NAN; MAX_ACTUATORS]);
         for (k, node) in self.nodes.iter().enumerate() {
             (seen.n_boots[k], seen.is_busy[k]) = (node.n_boots, node.is_busy());
+            seen.emergency_code[k] = node.emergency();
             if !node.has_answered() {
                 // One that has started anew has no power, whatever it said before.
                 seen.is_powered[k] &= node.is_configured();

@@ -324,6 +324,11 @@ impl Node {
         self.is_out |= self.n_missing >= lost_cycles || (self.n_answers > 0 && !is_enabled(self.status));
     }
 
+    /// Code of the newest emergency that stands; 0: none.
+    pub(crate) fn emergency(&self) -> u16 {
+        self.emergency
+    }
+
     /// Whether it has answered the newest SYNC; once or not is its trouble.
     pub(crate) fn has_answered(&self) -> bool {
         self.n_answers > 0 && self.is_configured()

@@ -44,6 +44,7 @@ impl<B: ActuatorBus> Cycles<B> {
         report.sampled_ns[k] = self.seen.sampled_ns[k];
         let state = self.judge.state(k, &self.seen, self.judged_phase());
         let relaxes = state == ActuatorState::QuickStopped && self.relaxing.is_some_and(|relaxing| relaxing.moves(k));
+        report.has_emergency[k] = self.seen.emergency_code[k] != 0;
         report.state[k] = if relaxes { ActuatorState::Relaxing } else { state };
     }
 }

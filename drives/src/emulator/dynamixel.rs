@@ -38,6 +38,9 @@ pub(super) fn start_anew(servo: &mut Servo) {
         let at = usize::from(INDIRECT_ADDRESS) + 2 * k;
         servo.registers[at] = INDIRECT_DATA + k as u8;
     }
+    // What it measures of itself.
+    servo.set(Register { at: PRESENT_VOLTAGE.into(), n: 2 }, 50);
+    servo.registers[usize::from(PRESENT_TEMPERATURE)] = 31;
     servo.faults.error = 0;
 }
 
@@ -99,6 +102,4 @@ pub(super) fn most_load(servo: &Servo) -> f64 {
 
 pub(super) fn show(servo: &mut Servo) {
     servo.set(Register { at: PRESENT_CURRENT.into(), n: 2 }, (servo.whole_load() * STALL_MA) as i32);
-    servo.set(Register { at: PRESENT_VOLTAGE.into(), n: 2 }, 50);
-    servo.registers[usize::from(PRESENT_TEMPERATURE)] = 31;
 }

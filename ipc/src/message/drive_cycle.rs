@@ -78,8 +78,9 @@ pub struct ActuatorCycle {
     pub trouble_code: u32,
     /// See above; 0: not known.
     pub trouble_text: u32,
-    /// Padding, zero.
-    pub reserved: u32,
+    /// Error code of the newest emergency (EMCY, CiA 301) that it sent and has not taken back since power was switched; 0: none. One
+    /// that comes without a trouble stops nothing.
+    pub emergency_code: u32,
 }
 
 impl DriveCycle {

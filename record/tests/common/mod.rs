@@ -107,7 +107,7 @@ fields! {
     }
     ActuatorCycle {
         wish_q_m, sampled_ns, told_counts_per_s, current_a, torque_nm, temperature_celsius, supply_v, told_counts,
-        goal_counts, counts, n_boots, flags, state, trouble, trouble_code, trouble_text, reserved
+        goal_counts, counts, n_boots, flags, state, trouble, trouble_code, trouble_text, emergency_code
     }
     ChannelCounts { n_written, n_dropped, n_lost, n_out_of_order }
     RecorderStatus { sequence, sample_ns, channels }

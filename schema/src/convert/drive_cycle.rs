@@ -71,7 +71,7 @@ fn mirror_of(own: &ActuatorCycle) -> proto::ActuatorCycle {
         trouble: own.trouble,
         trouble_code: own.trouble_code,
         trouble_text: own.trouble_text,
-        reserved: own.reserved,
+        emergency_code: own.emergency_code,
     }
 }
 
@@ -93,6 +93,6 @@ fn actuator_of(mirror: &proto::ActuatorCycle) -> ActuatorCycle {
         trouble: mirror.trouble,
         trouble_code: mirror.trouble_code,
         trouble_text: mirror.trouble_text,
-        reserved: mirror.reserved,
+        emergency_code: mirror.emergency_code,
     }
 }

@@ -34,6 +34,8 @@ struct Mock {
     /// Whether a fault leaves the power on.
     holds: bool,
     failure: Option<DriveError>,
+    /// Whether the second drive has sent an emergency that stands.
+    has_emergency: bool,
     n_quick_stops: u32,
 }
 
@@ -52,7 +54,9 @@ impl Drive for Mock {
     }
     fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError> {
         let state = if self.powered { ActuatorState::On } else { ActuatorState::Off };
-        Ok(DriveReading::at_once(self.n_actuators(), stamp_ns, (self.q_m, self.tau_n), state))
+        let mut reading = DriveReading::at_once(self.n_actuators(), stamp_ns, (self.q_m, self.tau_n), state);
+        reading.has_emergency[1] = self.has_emergency;
+        Ok(reading)
     }
     fn home(&mut self, _stamp_ns: i64) -> Result<Homing, DriveError> {
         Ok(Homing::Done)

@@ -88,11 +88,14 @@ fn an_emergency_without_a_failure_stops_nothing_and_each_code_is_said_once_until
         assert!(lines[0].contains("look whether the drive is sound"), "{lines:?}");
     }
     assert_eq!((bench.report().failure, bench.states()), (None, [State::OperationEnabled; 3]));
+    assert!(!bench.report().has_emergency.contains(&true), "the drive has taken them back");
     bench.power_up();
     assert_eq!(said(), [""; 0], "what was said is not said again by itself");
     send(&bench, 0x4210);
     bench.go(1);
     assert_eq!(said().len(), 1, "power is switched on anew: it is news again");
+    assert_eq!(bench.report().has_emergency[..3], [false, true, false], "it stands");
+    assert_eq!((bench.report().failure, bench.states()), (None, [State::OperationEnabled; 3]));
 }
 
 #[test]

@@ -91,3 +91,19 @@ fn drives_that_hold_on_a_fault_keep_their_power_and_go_on_only_when_enabled_anew
     bench.core.transition(Transition::Enable, bench.now_ns).unwrap();
     assert!(bench.tick().flags & SlaveState::IS_HOMED != 0);
 }
+
+#[test]
+fn an_emergency_without_a_failure_is_said_while_it_stands_and_stops_nothing() {
+    let mut bench = Bench::ready();
+    bench.ramp(0.0, 0.1e-3);
+    assert!(!has(&bench.tick(), Reason::DriveEmergency));
+    bench.core.drive_mut().has_emergency = true;
+    let state = bench.ramp(0.1e-3, 0.2e-3);
+    assert!(has(&state, Reason::DriveEmergency) && follows(&state), "{state:?}");
+    bench.core.drive_mut().failure = Some(DriveError::Tripped { actuator: 2, code: 0x4210, meaning: "too hot" });
+    let state = bench.tick();
+    assert!(state.operating() == Some(OperatingState::Fault) && !has(&state, Reason::DriveEmergency), "{state:?}");
+    (bench.core.drive_mut().failure, bench.core.drive_mut().has_emergency) = (None, false);
+    bench.core.transition(Transition::ClearFault, bench.now_ns).unwrap();
+    assert!(!has(&bench.tick(), Reason::DriveEmergency));
+}
