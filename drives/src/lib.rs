@@ -36,8 +36,9 @@ pub use serial::{FoundServo, Identity, ServoBus, ServoMake, ports, scan};
 pub use setup::BusSetup;
 pub use units::Units;
 
-use krait_ipc::Beside;
-use krait_slave::{DriveKind, SlaveConfig};
+use core::sync::atomic::AtomicBool;
+use krait_ipc::{Beside, Bus};
+use krait_slave::{DriveKind, SlaveConfig, SlaveError, run_with_drive};
 
 /// The drives of a configuration, whatever their bus; nothing moves yet. `beside`: as for [`BusDrive::start`].
 ///
@@ -49,6 +50,14 @@ pub fn open_drive(config: &SlaveConfig, beside: Option<Beside>) -> Result<BusDri
         DriveKind::Sts3215 | DriveKind::Xl330 => serial::open_drive(config, beside),
         DriveKind::Cia402 => cia402::open_drive(config, beside),
     }
+}
+
+/// Runs the slave on drives that are open until `stop`, as [`run_with_drive`] does on any: its step is compiled with this crate, to be fast.
+///
+/// # Errors
+/// As [`run_with_drive`].
+pub fn run(bus: &Bus, config: &SlaveConfig, drive: BusDrive, stop: &AtomicBool) -> Result<(), SlaveError> {
+    run_with_drive(bus, config, drive, stop)
 }
 
 /// Units, period and limits of a configuration's drives, whatever their bus; nothing is opened.

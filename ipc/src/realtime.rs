@@ -23,14 +23,13 @@ const LAST_TURN: usize = 3;
 const CAP_IPC_LOCK: u64 = 1 << 14;
 
 settings! {
-    /// What the four processes between the hand and the drives ask of the kernel. No priority by default: on a machine of one core it takes
-    /// the time of whoever records, and of whoever serves the drives.
+    /// What the four processes between the hand and the drives ask of the kernel.
     #[derive(Clone, Debug, PartialEq, Eq)]
     pub struct Realtime in "realtime" {
         /// SCHED_FIFO priority of the slave, each process before it one less, so that a sample goes on to the drives before the
         /// processes behind it tidy up: 1 to 99; 0: time sharing as every other process; "auto": 40 where this user has the right,
-        /// and no process polls.
-        priority: Priority = Priority::NONE;
+        /// no process polls, and another core is left to whoever records and serves the drives.
+        priority: Priority = Priority::Auto;
         /// Whether all memory is kept in RAM and the stack is touched beforehand.
         lock_memory: bool = false;
         /// Where the processes run: "one" (all on one core), "any", or a list such as [2, 3].

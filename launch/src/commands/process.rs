@@ -8,7 +8,7 @@ use crate::signals;
 use anyhow::{Context, bail, ensure};
 use krait_bridge::{Feed, LiveModel};
 use krait_drives::open_drive;
-use krait_ipc::{Beside, Bus, Priority, Process, WaitMode, clock, input};
+use krait_ipc::{Beside, Bus, Priority, Process, WaitMode, allowed_cores, clock, input};
 use krait_master::{Engage, GuidePlan, HidRecording, LineLoadLimits, LiveMotion, MasterConfig, Script, SourceChoice};
 use krait_model::segments::{SegmentParameters, SegmentsParameters};
 use krait_record::{Attachment, CONFIG_ATTACHMENT, MODEL_ATTACHMENT, RecordConfig};
@@ -41,11 +41,9 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
     signals::end_with_supervisor()?;
     let mut config = Config::load(common.config.as_deref())?;
     config.check()?;
-    // Who looks without sleeping would leave nothing of its core to anybody: that is for the user to ask for.
     let polls = [config.resolve.wait, config.compensate.wait, config.slave.wait].contains(&WaitMode::Polling);
-    if is_cued(process) || polls && config.realtime.priority == Priority::Auto {
-        config.realtime.priority = Priority::NONE;
-    }
+    let priority = &mut config.realtime.priority;
+    *priority = if is_cued(process) { Priority::NONE } else { priority.for_chain(polls, allowed_cores().len()) };
     let beside = Beside::before(&config.realtime);
     apply_realtime(&config, &common.instance, process);
     let bus = Bus::open_unless(&common.instance, process.process().name(), &stop)?;
@@ -76,7 +74,7 @@ fn run_named(common: &Common, process: &ProcessVerb) -> anyhow::Result<()> {
                     DriveKind::Sts3215 | DriveKind::Xl330 | DriveKind::Cia402 => {
                         config.check_drives()?;
                         let drive = open_drive(&slave, Some(beside))?;
-                        krait_slave::run_with_drive(&bus, &slave, drive, &stop)?;
+                        krait_drives::run(&bus, &slave, drive, &stop)?;
                     }
                 }
             }

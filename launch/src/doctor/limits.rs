@@ -15,7 +15,7 @@ pub fn rtprio() -> Finding {
     let limit = getrlimit(Resource::Rtprio).current.map_or_else(|| "unlimited".to_owned(), |limit| limit.to_string());
     if refused.is_ok_and(|refused| refused.is_empty()) {
         let found = format!("SCHED_FIFO {WANTED_PRIORITY} is granted (limit `rtprio` {limit})");
-        return Finding::good(NAME, found, "a chain with `[realtime] priority = \"auto\"` runs before ordinary work");
+        return Finding::good(NAME, found, "a chain on two cores or more runs before ordinary work by itself");
     }
     let mend = "echo \"$USER - rtprio 95\" | sudo tee /etc/security/limits.d/krait.conf, then log in again";
     let found = format!("SCHED_FIFO {WANTED_PRIORITY} is refused (limit `rtprio` {limit})");

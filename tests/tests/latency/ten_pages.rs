@@ -27,7 +27,8 @@ const SETTLE: Duration = Duration::from_secs(2);
 const READERS: usize = 9;
 /// Connections that hang; a fifth of them are pages that never read.
 const STALLED: usize = 100;
-/// Environment variable with the chain's SCHED_FIFO priority; without it the chain shares time as every other process.
+/// Environment variable with the chain's SCHED_FIFO priority; without it that which a chain has by itself, for which its user needs the
+/// right; 0: it shares time as every other process.
 const PRIORITY: &str = "KRAIT_PRIORITY";
 /// Environment variable that is 1 where the chain's cores are kept from sleeping.
 const KEEP_AWAKE: &str = "KRAIT_KEEP_AWAKE";
@@ -63,7 +64,7 @@ fn ten_pages_and_a_diagnosis_beside_a_chain() {
     let n_turns = std::env::var(OTHER_TURNS).map_or(TURNS, |turns| turns.parse().expect("a number of turns"));
     println!("load before: {}", load());
     let config = folder.file("config.toml");
-    let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "0".to_owned());
+    let priority = std::env::var(PRIORITY).unwrap_or_else(|_| "\"auto\"".to_owned());
     let realtime = format!(
         "[realtime]\npriority = {priority}\nkeep_awake = {}\n",
         std::env::var(KEEP_AWAKE).is_ok_and(|own| own == "1")
