@@ -10,12 +10,16 @@ use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use rustix::net::sockopt::set_socket_send_buffer_size;
 use std::sync::Arc;
 use tokio::net::TcpListener;
 use tokio::sync::Semaphore;
 
 /// Connections at once; a browser opens six for a page besides its live one.
 const MOST_CONNECTIONS: usize = 256;
+/// What may wait in the kernel for whoever reads slowly, bytes (the kernel takes twice as much, with its own book-keeping): less than a
+/// second of a page's pictures. By itself it would keep some twenty seconds of them before the server noticed.
+const MOST_WAITING_BYTES: usize = 64 * 1024;
 /// Whoever has not said what it wants by then is hung up on.
 const HEADER_PATIENCE: Duration = Duration::from_secs(5);
 
@@ -38,6 +42,9 @@ pub async fn serve(listener: TcpListener, router: Router) {
         };
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%error, "a connection's small messages may wait for each other");
+        }
+        if let Err(error) = set_socket_send_buffer_size(&stream, MOST_WAITING_BYTES) {
+            tracing::debug!(%error, "more than wanted may wait for a slow reader");
         }
         let (routes, allowance) = (TowerToHyperService::new(router.clone()), SharedAllowance::of_connection());
         let service = service_fn(move |mut request: Request<Incoming>| {

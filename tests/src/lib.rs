@@ -22,7 +22,7 @@ pub use browser::{Browser, BrowserPage};
 pub use chain_sender::{ChainScene, ChainSender};
 pub use http::{Console, HttpAnswer, Live, answer_on, is_closed, next_of_kind};
 pub use lab_room::{bar_values, bars, choose, press};
-pub use looks::{SIZES, Scrolls};
+pub use looks::{SIZES, Scrolls, canvas_points};
 pub use motion::{
     allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, kill_until_back, samples_in,
     signal_process, states_in, step_m, wait_for, wait_for_motion,

@@ -19,7 +19,8 @@ pub enum Scrolls {
     Within,
 }
 
-/// What is cut off, leaves the window or lies over something else, a sentence each: lines of text, and what can be pressed or read.
+/// What is cut off, leaves the window or lies over something else, a sentence each: lines of text, and what can be pressed or read; and
+/// whatever a press on STOP would meet in its place.
 const WRONG: &str = "(scrolls => {
     const isBlank = !document.getElementById('blank').hidden, wrong = [];
     const isShown = e => e.checkVisibility({ visibilityProperty: true, opacityProperty: true }) && !e.closest('.unseen') && !(isBlank && e.closest('.stage') && !e.closest('.blank'));
@@ -33,6 +34,12 @@ const WRONG: &str = "(scrolls => {
         }
         return { of, left, right, top, bottom };
     };
+    const stop = document.querySelector('#stop-place iframe');
+    if (stop && isShown(stop)) {
+        const { left, top, width, height } = stop.getBoundingClientRect(), parts = [0.03, 0.5, 0.97];
+        const isFree = parts.every(x => parts.every(y => document.elementFromPoint(left + x * width, top + y * height) === stop));
+        if (!isFree) wrong.push('something lies over STOP');
+    }
     const shrunk = ({ left, right, top, bottom }, part) => ({ left, right, top: top + part * (bottom - top), bottom: bottom - part * (bottom - top) });
     const texts = [], walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
     while (walker.nextNode()) {
@@ -90,4 +97,17 @@ impl BrowserPage {
             }
         }
     }
+}
+
+/// The points of a canvas as it is shown, row by row, four bytes each, for a script; whoever painted it.
+pub fn canvas_points(canvas: &str) -> String {
+    format!(
+        "(own => {{
+            const copy = document.createElement('canvas');
+            [copy.width, copy.height] = [own.clientWidth, own.clientHeight];
+            const g = copy.getContext('2d');
+            g.drawImage(own, 0, 0, copy.width, copy.height);
+            return g.getImageData(0, 0, copy.width, copy.height).data;
+        }})(document.querySelector('{canvas}'))"
+    )
 }

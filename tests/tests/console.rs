@@ -10,6 +10,7 @@ use krait_tests::{
     wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
+use std::io::Read;
 use tungstenite::Message;
 
 const PATIENCE: Duration = Duration::from_secs(240);
@@ -207,21 +208,66 @@ fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshn
     let mut krait = Krait::start(&arguments);
     let console = Console::of(&mut krait);
     let stalled = console.stalled(100);
-    let mut reading = console.page();
+    let mut pages: Vec<Live> = (0..10).map(|_| console.page()).collect();
     let processes = processes_of(&instance);
     let server = processes.iter().find(|(name, _)| name == "console").expect("the server").1;
     let (from_s, from_ns) = (cpu_s(server), krait_ipc::clock::monotonic_ns());
-    let numbers: Vec<u64> =
-        (0..120).map(|_| next_of_kind(&mut reading, "frame")["n"].as_u64().expect("a number")).collect();
+    let mut numbers = vec![Vec::new(); pages.len()];
+    for _ in 0..120 {
+        for (page, numbers) in pages.iter_mut().zip(&mut numbers) {
+            numbers.push(next_of_kind(page, "frame")["n"].as_u64().expect("a number"));
+        }
+    }
     let share = (cpu_s(server) - from_s) / ((krait_ipc::clock::monotonic_ns() - from_ns) as f64 * 1e-9);
     assert!(share < 0.5, "the server takes {share} of a core");
-    assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]), "newer and newer");
-    let frame = next_of_kind(&mut reading, "frame");
+    for numbers in &numbers {
+        assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]), "newer and newer: {numbers:?}");
+        let n_made = numbers[numbers.len() - 1] - numbers[0] + 1;
+        assert!(n_made < 2 * numbers.len() as u64, "a page gets most of the {n_made} pictures: {}", numbers.len());
+    }
+    let frame = next_of_kind(&mut pages[0], "frame");
     assert_eq!(frame["state"]["operating"], "ENABLED", "{frame}");
-    drop((stalled, reading));
+    drop((stalled, pages));
     let ended = krait.end(PATIENCE);
     assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
     assert!(processes_of(&instance).is_empty(), "the console ends with its chain");
+}
+
+/// Bytes of pictures that a page which never reads may have got by the time it is hung up on: what the kernel keeps for it on both sides.
+const MOST_STALE_BYTES: usize = 1 << 20;
+
+#[test]
+fn a_page_that_never_reads_is_hung_up_on_and_no_long_row_of_old_pictures_waits_for_it() {
+    let instance = instance_name("never-reads");
+    let mut krait = Krait::start(&["run", "--instance", &instance, "--engage", "--console", "--no-recording"]);
+    let console = Console::of(&mut krait);
+    let server = processes_of(&instance).iter().find(|(name, _)| name == "console").expect("the server").1;
+    let mut reading = console.page();
+    next_of_kind(&mut reading, "frame");
+    let n_before = n_open_files(server);
+    let never_reads = console.page();
+    assert!(wait_until(PATIENCE, || n_open_files(server) > n_before), "it is served");
+    // Who reads goes on meanwhile.
+    let is_hung_up = wait_until(PATIENCE, || {
+        next_of_kind(&mut reading, "frame");
+        n_open_files(server) <= n_before
+    });
+    assert!(is_hung_up, "nobody waits for it forever");
+    let mut n_bytes = 0;
+    let mut socket = never_reads.get_ref();
+    let mut bytes = vec![0; 64 * 1024];
+    // The end, or a reset: the connection is closed.
+    while let Ok(n @ 1..) = socket.read(&mut bytes) {
+        n_bytes += n;
+    }
+    println!("{n_bytes} bytes had come to a page that never read");
+    assert!((1..MOST_STALE_BYTES).contains(&n_bytes), "{n_bytes} bytes");
+    assert_eq!(end(krait).code, Some(0));
+}
+
+/// Files and sockets that a process has open.
+fn n_open_files(pid: u32) -> usize {
+    std::fs::read_dir(format!("/proc/{pid}/fd")).map_or(0, Iterator::count)
 }
 
 /// What a process has computed so far, s.
@@ -241,6 +287,9 @@ fn a_stop_needs_its_own_token_and_origin_and_nothing_else_and_the_drives_confirm
     assert_eq!(console.at_stop("POST", &path, &foreign).status, 403, "a foreign page");
     assert_eq!(console.at_stop("POST", &path, &[("Origin", "null")]).status, 403, "a page without an origin");
     assert_eq!(console.at_stop("POST", &path, &[]).status, 403, "no page at all");
+    let rebound = [("Host", "rebound.example"), ("Origin", &origin)];
+    assert_eq!(console.at_stop("POST", &path, &rebound).status, 403, "another name that leads here");
+    assert_eq!(console.at_stop("GET", &path, &rebound).status, 403, "another name that leads here");
     let guess = format!("/stop/{}", console.token);
     assert_eq!(console.at_stop("POST", &guess, &[("Origin", &origin)]).status, 403, "the page's token stops nothing");
     let token = path.rsplit_once('/').expect("a token").1;

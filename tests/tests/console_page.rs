@@ -8,8 +8,8 @@ use core::time::Duration;
 use krait_ipc::Reason;
 use krait_ipc::message::{DeviceState, OperatingState, OperatorInput, Phase, Shape, SlaveState};
 use krait_tests::{
-    Browser, BrowserPage, ChainScene, ChainSender, Console, Ended, Krait, Scrolls, TempFolder, instance_name,
-    next_of_kind, wait_for, wait_until,
+    Browser, BrowserPage, ChainScene, ChainSender, Console, Ended, Krait, Scrolls, TempFolder, canvas_points,
+    instance_name, next_of_kind, wait_for, wait_until,
 };
 use rustix::process::Signal;
 use serde_json::json;
@@ -383,22 +383,9 @@ fn eight_joints_have_their_bars_in_every_window() {
     assert!(page.complaints.iter().all(|said| said.contains("WebSocket")), "{:?}", page.complaints);
 }
 
-/// The points of a canvas as it is shown, four bytes each.
-fn points(canvas: &str) -> String {
-    format!(
-        "(own => {{
-            const copy = document.createElement('canvas');
-            [copy.width, copy.height] = [own.clientWidth, own.clientHeight];
-            const g = copy.getContext('2d');
-            g.drawImage(own, 0, 0, copy.width, copy.height);
-            return g.getImageData(0, 0, copy.width, copy.height).data;
-        }})(document.querySelector('{canvas}'))"
-    )
-}
-
 /// How many points of a canvas have the colour of each of the three kinds of lines, nearly.
 fn painted(canvas: &str) -> String {
-    let points = points(canvas);
+    let points = canvas_points(canvas);
     format!(
         "(() => {{
             const data = {points}, style = getComputedStyle(document.documentElement);
@@ -480,7 +467,7 @@ fn bars_of(kind: &str, [model, script]: [&str; 2], [n_bars, n_lines]: [usize; 2]
 
 /// How many points of a canvas look clearly other than when this was asked last.
 fn changed(canvas: &str) -> String {
-    let points = points(canvas);
+    let points = canvas_points(canvas);
     format!(
         "(() => {{
             const data = {points}, before = window.before ?? data;

@@ -6,8 +6,8 @@
 use core::cell::Cell;
 use core::time::Duration;
 use krait_tests::{
-    Browser, BrowserPage, Console, Ended, Krait, PadPage, Scrolls, TempFolder, instance_name, next_of_kind, pad_losses,
-    seen_in_operate_room, wait_until, watch_operate_room,
+    Browser, BrowserPage, Console, Ended, Krait, PadPage, Scrolls, TempFolder, canvas_points, instance_name,
+    next_of_kind, pad_losses, seen_in_operate_room, wait_until, watch_operate_room,
 };
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -57,7 +57,8 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     let facts = next_of_kind(&mut console.page(), "hello")["facts"].clone();
     watch_operate_room(&mut page, &facts);
     let centre_of_pad = centre(&mut page);
-    let mut hand = Hand { centre: centre_of_pad, page: &mut page, console: &console, is_touching: false };
+    let mut hand = Hand { centre: centre_of_pad, page: &mut page, is_touching: false };
+    hand.look_through_camera();
     for direction in DIRECTIONS {
         hand.drive(direction, &format!("by pointer {direction:?}"), Hand::pointer);
     }
@@ -67,6 +68,8 @@ fn a_person_drives_from_the_page_and_the_picture_the_dial_and_the_pad_agree() {
     for direction in DIRECTIONS {
         hand.drive(direction, &format!("by gamepad {direction:?}"), Hand::gamepad);
     }
+    page.value("document.documentElement.style.removeProperty('--axis-z')");
+    page.value("document.querySelector('[data-view=oblique]').click()");
     page.keep_right_everywhere("drive", Scrolls::Nowhere);
     page.resize(1280, 800);
     assert_row_and_bars_are_the_frames(&mut page);
@@ -123,7 +126,8 @@ fn a_finger_drives_in_four_directions_and_a_finger_stops() {
     page.value("document.getElementById('pad-take').click()");
     page.wait_for("it has the pad", &says("Yours."));
     let place = centre(&mut page);
-    let mut hand = Hand { centre: place, page: &mut page, console: &console, is_touching: false };
+    let mut hand = Hand { centre: place, page: &mut page, is_touching: false };
+    hand.look_through_camera();
     for direction in DIRECTIONS {
         hand.drive(direction, &format!("by touch {direction:?}"), Hand::touch);
     }
@@ -451,7 +455,6 @@ fn pair(value: &Value) -> [f64; 2] {
 /// A person at the page.
 struct Hand<'a> {
     page: &'a mut BrowserPage,
-    console: &'a Console,
     centre: [f64; 2],
     /// Whether a finger is on the glass.
     is_touching: bool,
@@ -461,7 +464,8 @@ impl Hand<'_> {
     /// Drives until the camera's picture has moved visibly, lets go, and holds picture and dial against the direction.
     fn drive(&mut self, direction: [f64; 2], how: &str, act: fn(&mut Self, [f64; 2], bool)) {
         self.page.wait_for("ready", READY);
-        let (dial_before, tip_before) = (self.dial_at_rest(), self.tip());
+        let dial_before = self.settled("the dial", Self::dial);
+        let tip_before = self.settled("the picture", Self::tip);
         let moved = |now: [f64; 2], before: [f64; 2]| [now[0] - before[0], now[1] - before[1]];
         let mut is_far = false;
         for _ in 0..200 {
@@ -483,7 +487,9 @@ impl Hand<'_> {
         act(self, direction, false);
         self.page.wait_for("let go", READY);
         assert!(is_far, "{how}: it moved by {:?} from {dial_before:?}", moved(self.dial(), dial_before));
-        for (what, moved) in [("dial", moved(self.dial(), dial_before)), ("picture", moved(self.tip(), tip_before))] {
+        let dial_now = self.settled("the dial", Self::dial);
+        let tip_now = self.settled("the picture", Self::tip);
+        for (what, moved) in [("dial", moved(dial_now, dial_before)), ("picture", moved(tip_now, tip_before))] {
             let along = (moved[0] * direction[0] + moved[1] * direction[1]) / moved[0].hypot(moved[1]);
             assert!(along > 0.8, "{how}: the {what} moved by {moved:?}");
         }
@@ -495,29 +501,53 @@ impl Hand<'_> {
         pair(&self.page.value(script))
     }
 
-    /// The dial once it stands: it is painted after the state that says ready, on a busy machine long after.
-    fn dial_at_rest(&mut self) -> [f64; 2] {
-        let mut before = self.dial();
+    /// The tip in the camera's picture, as it is painted: the middle of the points of its third axis, which begins at the tip and points
+    /// where the snake bends to; to the right and down.
+    fn tip(&mut self) -> [f64; 2] {
+        let points = canvas_points("#scene");
+        let script = format!(
+            "(() => {{
+                const data = {points}, width = document.getElementById('scene').clientWidth;
+                let [n, right, down] = [0, 0, 0];
+                for (let at = 0; at < data.length; at += 4) {{
+                    if (data[at + 3] < 60 || data[at] - data[at + 1] < 120 || data[at + 2] - data[at + 1] < 120) continue;
+                    [n, right, down] = [n + 1, right + at / 4 % width, down + Math.floor(at / 4 / width)];
+                }}
+                return [right / n, down / n, n];
+            }})()"
+        );
+        let mut seen = json!(null);
+        let is_painted = wait_until(PATIENCE, || {
+            self.page.painted();
+            seen = self.page.value(&script);
+            seen[2].as_f64().is_some_and(|n| n >= 3.0)
+        });
+        assert!(is_painted, "the tip's axis is painted: {seen}");
+        pair(&seen)
+    }
+
+    /// Looks through the camera, and waits until the picture has turned there. The tip's third axis gets a colour that nothing else has.
+    fn look_through_camera(&mut self) {
+        self.page.value("document.documentElement.style.setProperty('--axis-z', '#ff00ff')");
+        ["light", "dark"].into_iter().for_each(|theme| self.page.in_theme(theme));
+        self.page.value("document.querySelector('[data-view=camera]').click()");
+        self.page.wait_for("it is the view", "document.querySelector('[data-view=camera]').ariaPressed === 'true'");
+        self.settled("the picture", Self::tip);
+    }
+
+    /// What is painted, once it stands: that is after the state that says so, on a busy machine long after.
+    fn settled(&mut self, what: &str, look: fn(&mut Self) -> [f64; 2]) -> [f64; 2] {
+        let mut before = look(self);
         for _ in 0..100 {
             std::thread::sleep(Duration::from_millis(100));
             self.page.painted();
-            let now = self.dial();
+            let now = look(self);
             if (now[0] - before[0]).hypot(now[1] - before[1]) < 2.0 {
                 return now;
             }
             before = now;
         }
-        panic!("the dial never stood");
-    }
-
-    /// The tip in the camera's picture, by the page's own geometry: pixels to the right and down.
-    fn tip(&mut self) -> [f64; 2] {
-        let frame = PadPage::open(self.console).until("measured", |_, frame| frame["bend"].is_array());
-        let script = format!(
-            "import('/js/snake.js').then(({{ cameraFor, frameAt, viewNamed }}) => cameraFor(viewNamed('camera', {ROLL_RAD}), [0, 0, 11.2], 800, 800).project(frameAt({}, 1, 25).centre))",
-            frame["bend"]
-        );
-        pair(&self.page.value(&script))
+        panic!("{what} never stood");
     }
 
     fn pointer(&mut self, [x, y]: [f64; 2], is_down: bool) {

@@ -6,8 +6,8 @@
 
 use core::time::Duration;
 use krait_tests::{
-    Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, is_moving, processes_of, wait_for,
-    wait_until,
+    Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, is_moving, kill_until_back, processes_of,
+    wait_for, wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::json;
@@ -59,6 +59,47 @@ fn latency_shows_numbers(page: &mut BrowserPage) {
         "(rows => rows.length >= 8 && rows.every(row => /^[0-9]+$/.test(row[1]) && / %$/.test(row[2]) && / MB$/.test(row[3])))({rows})"
     );
     page.wait_for("the processes", &is_whole);
+}
+
+#[test]
+fn what_is_late_and_who_was_started_again_stand_on_the_latency_page() {
+    let Some(browser) = Browser::start() else { return };
+    let (instance, folder) = (instance_name("tiles"), TempFolder::new("tiles"));
+    let config = folder.file("krait.toml");
+    // Nothing is that fast.
+    let budget =
+        "p50_us = 0.1\np99_us = 0.1\nworst_us = 0.1\np50_floors = 2.0\np99_floors = 5.0\nworst_floors = 50.0\n";
+    std::fs::write(&config, format!("[budget.end_to_end]\n{budget}")).expect("written");
+    let run = ["run", "--engage=again", "--instance", &instance, "--config", &config, "--console", "--no-recording"];
+    let mut krait = Krait::start(&run);
+    let mut page = browser.page(&Console::of(&mut krait).address, 1280, 800);
+    page.wait_for("the snake follows", "document.documentElement.dataset.shown === 'following'");
+    page.value("document.querySelector('[data-go=latency]').click()");
+    let tile = |name: &str, is: &str| {
+        format!(
+            "(tile => tile && {is})([...document.querySelectorAll('#latency .tiles > div')].find(tile => tile.textContent.startsWith('{name}')))"
+        )
+    };
+    let is_over = "tile.classList.contains('over')";
+    let n_late = "Number(tile.querySelector('b').textContent.replace(/\\D/g, ''))";
+    page.wait_for("late samples are counted", &tile("Late samples", &format!("{is_over} && {n_late} > 100")));
+    page.wait_for("the median is beyond its budget", &tile("Hand to drive, median", is_over));
+    page.wait_for("nothing is lost", &tile("Lost samples", &format!("!{is_over} && {n_late} === 0")));
+    page.wait_for(
+        "the whole way is over",
+        "(row => row.querySelector('.verdict').textContent === 'over')([...document.querySelectorAll('#latency .hops tbody tr')].at(-1))",
+    );
+
+    let restarts = |n: u32| {
+        format!(
+            "(row => row?.children[6].textContent === '{n}')([...document.querySelectorAll('#latency .procs tbody tr')].find(row => row.children[0].textContent === 'resolve'))"
+        )
+    };
+    page.wait_for("resolve was never started again", &restarts(0));
+    kill_until_back(&instance, "resolve", || ());
+    page.wait_for("resolve was started again", &restarts(1));
+    krait.signal(Signal::INT);
+    krait.end(PATIENCE);
 }
 
 #[test]
