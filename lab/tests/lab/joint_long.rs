@@ -42,12 +42,14 @@ fn is_found(found: &Diagnosis, effects: &[&str]) {
 }
 
 #[test]
+#[ignore = "long at work; .ci/run runs it"]
 fn of_many_rows_all_are_taken() {
     is_found(&diagnosed(40_000, 0.0), &["backlash", "latency"]);
 }
 
 /// The drift is that of all the time, and not that of the record's beginning.
 #[test]
+#[ignore = "long at work; .ci/run runs it"]
 fn of_very_many_sections_are_taken_to_the_end() {
     is_found(&diagnosed(100_000, 0.005), &["backlash", "drift", "latency"]);
 }

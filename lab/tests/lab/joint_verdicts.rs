@@ -194,6 +194,7 @@ fn by_other_clock(n: usize, rate: f64, mut joint: impl FnMut(f64) -> f64) -> Vec
 }
 
 #[test]
+#[ignore = "long at work; .ci/run runs it"]
 fn a_clock_of_another_rate_is_calibration_and_the_play_beside_it_has_its_size() {
     let (n, u) = (3000, slow(3000));
     for rate in [1e-3, -2e-3, 2e-4] {
@@ -227,6 +228,7 @@ fn a_clock_of_another_rate_is_calibration_and_the_play_beside_it_has_its_size() 
 
 /// A play that grows and a lag that falls as a joint warms up look like a clock that drifts, and leave a rest beside it.
 #[test]
+#[ignore = "long at work; .ci/run runs it"]
 fn what_grows_with_time_is_no_clock() {
     let (n, u) = (3000, slow(3000));
     let mut last = u[0];

@@ -1,8 +1,6 @@
 //! A disable of a bent snake on the real processes: the lines are relaxed first, everybody who looks is told, and the recording shows
 //! that load falls, within the bounds, before power goes.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::message::{OperatingState, SlaveState, StateRequest, Transition};
 use krait_ipc::{Bus, Process, ReadOptions, Reason, Reasons};

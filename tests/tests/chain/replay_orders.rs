@@ -1,7 +1,5 @@
 //! Orders to a replay that runs: pause, resume, stop and Ctrl-C, in its own time and on the machine's clock.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::message::{Phase, Setpoint, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader};

@@ -1,7 +1,5 @@
 //! What a user does with a recording: marks it, rotates it, exports it, recovers it; and what each refuses.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_record::Recording;
 use krait_schema::{Channel, Sample};

@@ -1,8 +1,6 @@
 //! A snake that is not the one that the model describes: the measured shape says so, and the motion ends; a model that has yet to
 //! learn, and models that are there to show their error, are left alone.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::message::Phase;
 use krait_ipc::{Reason, Reasons};

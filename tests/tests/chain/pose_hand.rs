@@ -1,8 +1,6 @@
 //! A pose sender over a real socket drives the real chain: it bends the snake, a second sender and a jump do not, its silence
 //! ends the motion, and its recorded packets give the same inputs again, byte for byte.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::message::{DeviceState, OperatorInput, SlaveState};
 use krait_ipc::{Bus, ReadOptions, Reader, Reason, Reasons};

@@ -1,8 +1,6 @@
 //! Each process of a running chain killed in turn: the chain comes back, is engaged anew, and its recording is repeated byte
 //! for byte across every restart, which it names.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::message::{OperatorInput, SlaveState};
 use krait_schema::Sample;

@@ -1,7 +1,5 @@
 //! Shapes of another program: a second process looks at the machine and tells krait through `krait shape`.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 use krait_ipc::message::{Health, ModelUpdate, Shape, SlaveState, Validity};

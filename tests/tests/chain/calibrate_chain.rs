@@ -1,7 +1,5 @@
 //! `krait calibrate poses --chain`: the real processes lead the simulated snake from pose to pose, and its eta and play come out.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::{InstanceName, resources_of};
 use krait_model::model_file::ModelFile;

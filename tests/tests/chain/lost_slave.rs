@@ -1,8 +1,6 @@
 //! A slave that is killed and started again is enabled only if the one before was, and nobody has asked for less since; a held
 //! terminal keeps the supervisor from nothing.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::Bus;
 use krait_ipc::message::SlaveState;

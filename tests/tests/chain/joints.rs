@@ -1,8 +1,6 @@
 //! Joints through the real processes: the same scripted motion with and without compensation, figures in the joints' own
 //! unit, and every recorded step repeated byte for byte.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_record::Recording;
 use krait_schema::Sample;

@@ -1,7 +1,5 @@
 //! Orders from outside to a chain that runs: stops from many at once, and each word of `krait state` that ends a motion.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::message::{OperatingState, SlaveState};
 use krait_tests::{Ended, Krait, TempFolder, assert_no_jump, instance_name, is_moving, states_in, wait_for};

@@ -1,8 +1,6 @@
 //! Two segments on six lines through the real processes: less error with every step of compensation, down to the camera's own; every
 //! recorded step repeated byte for byte; replay, comparison, table; refusals in one sentence.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_model::model_file::ModelFile;
 use krait_model::segments::Bends;

@@ -1,7 +1,5 @@
 //! A machine that changes while it runs: the estimator says so, in the report and in the recording, and adds nothing.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_record::Recording;
 use krait_schema::Sample;

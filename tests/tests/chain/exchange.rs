@@ -1,7 +1,5 @@
 //! A better model in a chain that runs: asked for from the page, taken while the snake holds still, seen in the tracking error.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::message::Phase;
 use krait_ipc::{Reason, Reasons};

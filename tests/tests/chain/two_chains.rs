@@ -1,7 +1,5 @@
 //! Two chains on one machine do not disturb each other; a second chain under the same name is refused.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_tests::{Ended, Krait, TempFolder, instance_name, processes_of, wait_for_motion};
 use rustix::process::Signal;

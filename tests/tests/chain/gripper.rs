@@ -1,8 +1,6 @@
 //! A snake with a gripper through the real processes: the jaw follows its buttons while the snake bends, better with its wire's effects,
 //! the snake as well as without one; every recorded step repeated byte for byte; replay, comparison, table; refusals in one sentence.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::message::{GRIPPER_WIRE, SlaveState};
 use krait_record::Recording;

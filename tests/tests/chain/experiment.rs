@@ -1,7 +1,5 @@
 //! The paper's Fig. 10 as a protocol on the real processes with the simulated snake, its recording read again, and refusals.
 
-#![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::{InstanceName, resources_of};
 use krait_tests::{Ended, TempFolder, instance_name, processes_of, real_drives};

@@ -1,8 +1,6 @@
 //! No jump, whatever changes: on the real processes, sample by sample, the first command that is followed after an event equals
 //! the slave's own setpoint within one step of its gate, and no write of the whole run is longer than its time allows.
 
-#![allow(clippy::expect_used, reason = "a panic is how a test fails")]
-
 use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{Command, OperatingState, OperatorInput, SlaveState, StateCommand, Transition};
