@@ -127,6 +127,7 @@ fn a_bad_row_at_either_end_is_left_out() {
 
 /// A joint that is nowhere near its first command, one that is told to jump in the second and in the last row, one that slips.
 #[test]
+#[ignore = "long at work; .ci/run runs it"]
 fn fast_motion_is_no_outlier() {
     let mut y = seen(&lagged(&slow(2000), 0.1), 1.0, NOISE_RAD, 3);
     (0..60).for_each(|row| y[row] += 1.5 * (-(row as f64) * STEP_S / 0.06).exp());
@@ -148,6 +149,7 @@ fn fast_motion_is_no_outlier() {
 }
 
 #[test]
+#[ignore = "long at work; .ci/run runs it"]
 fn measurements_that_come_ahead_have_a_clock_and_the_effect_beside_it_its_size() {
     let u = slow(2500);
     let plain = diagnosed(&record(&u, seen(&ahead(&u, 3), 1.1, NOISE_RAD, 3)));
@@ -292,6 +294,7 @@ fn a_sensor_that_does_not_follow_is_said_and_nothing_is_missing_of_a_joint_at_re
 
 /// Commands in steps, as of a stepper motor or of a controller that is told every while, and a lag: no error of a screw.
 #[test]
+#[ignore = "long at work; .ci/run runs it"]
 fn a_lag_of_stairs_is_no_error_that_repeats() {
     // A command that acts from its row on is half a row late beside one that moves evenly to it; one that was written down a row later
     // is half a row early.
@@ -323,6 +326,7 @@ fn a_delay_behind_a_lag_is_named_beside_it() {
 }
 
 #[test]
+#[ignore = "long at work; .ci/run runs it"]
 fn a_delay_a_lag_or_a_swing_alone_stays_alone() {
     let u = fast(2000);
     for (noise_rad, seed) in [(0.0005, 3), (0.02, 5)] {

@@ -20,6 +20,7 @@ mod verdict;
 mod world;
 
 use anyhow::Context;
+use krait_drives::ServoMake;
 use std::process::ExitCode;
 use verdict::PartVerdict;
 use world::DriveMake;
@@ -33,10 +34,12 @@ fn main() -> ExitCode {
     let done = match words[..] {
         ["drive", id] => world::be_drive(id),
         ["master", period_ms] => period_ms.parse().context("the bus's period").and_then(chain::be_master),
-        ["servos"] => serial::be_servos(),
+        ["servos", make] => serial::be_servos(make),
         [n_cycles] => n_cycles.parse().context("the number of cycles").map(|n| judge(n, "")),
         [n_cycles, only] => n_cycles.parse().context("the number of cycles").map(|n| judge(n, only)),
-        _ => Err(anyhow::anyhow!("expected a number of cycles and a part, `drive ID`, `servos` or `master PERIOD_MS`")),
+        _ => Err(anyhow::anyhow!(
+            "expected a number of cycles and a part, `drive ID`, `servos MAKE` or `master PERIOD_MS`"
+        )),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,
@@ -84,9 +87,11 @@ fn judge(n_cycles: usize, only: &str) -> bool {
     told("calibrate", &program::calibrate);
     told("returning", &returning::all);
     // 6 s of 5 ms where the first part has 6 s of 1 ms.
-    told("serial_rate", &|| serial::rate(n_cycles / 5));
-    told("serial_thread", &|| serial::thread(n_cycles / 5));
-    told("serial_unplugged", &serial::unplugged);
+    for (name, make) in [("serial", ServoMake::Sts3215), ("xl330", ServoMake::Xl330)] {
+        told(&format!("{name}_rate"), &|| serial::rate(make, n_cycles / 5));
+        told(&format!("{name}_thread"), &|| serial::thread(make, n_cycles / 5));
+        told(&format!("{name}_unplugged"), &|| serial::unplugged(make));
+    }
     if n == 0 {
         println!("CAN-VM parts FAIL none is called {only}");
     }

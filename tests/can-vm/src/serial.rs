@@ -6,7 +6,7 @@ use crate::verdict::PartVerdict;
 use anyhow::{Context, ensure};
 use core::time::Duration;
 use krait_drives::emulator::{Emulator, Servo, ServoWire};
-use krait_drives::{ActuatorBus, Goals, Seen, ServoBus, open_drive};
+use krait_drives::{ActuatorBus, Goals, Seen, ServoBus, ServoMake, open_drive};
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{ActuatorCycle, DriveCycle};
 use krait_slave::{ActuatorConfig, Drive, DriveConfig, DriveKind, SlaveConfig};
@@ -26,18 +26,24 @@ const KNOWN_CYCLES: u64 = 4;
 /// The braking ramp of 10 mm/s at 1 m/s2, and one for a wish that falls between two cycles.
 const BRAKE_CYCLES: u64 = 3;
 
+/// How a process of servos is told their make, and how configurations name it.
+const MAKES: [(&str, ServoMake, DriveKind); 2] =
+    [("sts3215", ServoMake::Sts3215, DriveKind::Sts3215), ("xl330", ServoMake::Xl330, DriveKind::Xl330)];
+
 /// Emulated servos in a process of their own.
 struct Servos {
+    kind: DriveKind,
     child: Child,
     words: ChildStdin,
     port: PathBuf,
 }
 
 impl Servos {
-    /// Starts them, below the bus's thread.
-    fn start() -> anyhow::Result<Self> {
+    /// Starts some of a make, below the bus's thread.
+    fn start(make: ServoMake) -> anyhow::Result<Self> {
+        let (word, _, kind) = MAKES.into_iter().find(|(_, own, _)| *own == make).context("no such make")?;
         let mut child = Command::new("/bin/chrt")
-            .args(["-f", "40", "/bin/krait-can-vm", "servos"])
+            .args(["-f", "40", "/bin/krait-can-vm", "servos", word])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
@@ -46,7 +52,7 @@ impl Servos {
         let mut port = String::new();
         BufReader::new(child.stdout.take().context("its output")?).read_line(&mut port)?;
         ensure!(!port.trim().is_empty(), "the servos have named no port");
-        Ok(Self { child, words, port: PathBuf::from(port.trim()) })
+        Ok(Self { kind, child, words, port: PathBuf::from(port.trim()) })
     }
 
     fn say(&mut self, word: &str) -> anyhow::Result<()> {
@@ -56,7 +62,7 @@ impl Servos {
     fn config(&self) -> SlaveConfig {
         let actuator = |id| ActuatorConfig { id, zero_count: Some(ZERO), ..ActuatorConfig::default() };
         let drive = DriveConfig {
-            kind: DriveKind::Sts3215,
+            kind: self.kind,
             port: Some(self.port.clone()),
             actuator: (1..=N as u32).map(actuator).collect(),
             ..DriveConfig::default()
@@ -73,9 +79,10 @@ impl Drop for Servos {
     }
 }
 
-/// Three servos near their zero; a line of input unplugs the second or plugs it in again.
-pub fn be_servos() -> anyhow::Result<bool> {
-    let mut wire = ServoWire::new((1..=N as u8).map(|id| Servo::new(id, f64::from(ZERO))).collect());
+/// Three servos of a make near their zero; a line of input unplugs the second or plugs it in again.
+pub fn be_servos(word: &str) -> anyhow::Result<bool> {
+    let (_, make, _) = MAKES.into_iter().find(|(own, ..)| *own == word).context("expected a make of servos")?;
+    let mut wire = ServoWire::new((1..=N as u8).map(|id| Servo::of(make, id, f64::from(ZERO))).collect());
     wire.usb_latency = Duration::from_millis(1);
     let emulator = Emulator::start(wire).context("a pseudo-terminal")?;
     println!("{}", emulator.path().display());
@@ -95,8 +102,8 @@ fn worked_ns() -> i64 {
 }
 
 /// So many cycles of the bus's own code by a bare timer: what a cycle takes, and what it works.
-pub fn rate(n: usize) -> anyhow::Result<PartVerdict> {
-    let servos = Servos::start()?;
+pub fn rate(make: ServoMake, n: usize) -> anyhow::Result<PartVerdict> {
+    let servos = Servos::start(make)?;
     let (mut bus, mut seen): (ServoBus, Seen) = ServoBus::open(&servos.config().drive)?;
     let mut goals = Goals { counts: [ZERO; 12], counts_per_s: [1000.0; 12] };
     bus.switch(true, &goals)?;
@@ -130,14 +137,14 @@ pub fn rate(n: usize) -> anyhow::Result<PartVerdict> {
 }
 
 /// The bus's own thread beside a slave's ticks: cycles are held and handed over one by one.
-pub fn thread(n: usize) -> anyhow::Result<PartVerdict> {
-    let servos = Servos::start()?;
+pub fn thread(make: ServoMake, n: usize) -> anyhow::Result<PartVerdict> {
+    let servos = Servos::start(make)?;
     ThreadChain::powered(open_drive(&servos.config(), None)?)?.judge(n, PERIOD_NS, WORK_US)
 }
 
 /// One servo is unplugged in motion: the others brake as the recorded goals show, stay under power, and nothing resumes.
-pub fn unplugged() -> anyhow::Result<PartVerdict> {
-    let mut servos = Servos::start()?;
+pub fn unplugged(make: ServoMake) -> anyhow::Result<PartVerdict> {
+    let mut servos = Servos::start(make)?;
     let mut chain = ThreadChain::powered(open_drive(&servos.config(), None)?)?;
     chain.go(200)?;
     chain.cycles.clear();

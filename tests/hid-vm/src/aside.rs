@@ -3,9 +3,6 @@
 use anyhow::{Context, ensure};
 use std::process::Command;
 
-/// The difference in niceness between the judge and the chain.
-const STEP: i32 = 8;
-
 /// As long as it lives, the thread that made it runs where nobody else wants to, in the kernel too: there the kernel takes a device away, and a
 /// real machine has another processor for that. Programs started meanwhile would run so as well.
 pub struct Aside(());
@@ -14,24 +11,25 @@ impl Aside {
     /// # Errors
     /// The system refuses it.
     pub fn begin() -> anyhow::Result<Self> {
-        renice(STEP)?;
+        stand("--idle")?;
         Ok(Self(()))
     }
 }
 
 impl Drop for Aside {
     fn drop(&mut self) {
-        if let Err(error) = renice(-STEP) {
+        if let Err(error) = stand("--other") {
             println!("the judge stays aside: {error:#}");
         }
     }
 }
 
-/// This thread alone: the system's own call would be `unsafe` here.
-fn renice(step: i32) -> anyhow::Result<()> {
+/// Gives this thread alone a class: idle, or other, as everybody's. The system's own call would be `unsafe` here. A lower niceness is not enough:
+/// a thread of that kind keeps the processor for a whole slice once it has it.
+fn stand(class: &str) -> anyhow::Result<()> {
     let thread = std::fs::read_link("/proc/thread-self").context("/proc/thread-self")?;
     let id = thread.file_name().context("/proc/thread-self names no thread")?;
-    let status = Command::new("/bin/busybox").args(["renice", "-n", &step.to_string(), "-p"]).arg(id).status();
-    ensure!(status.context("starting renice")?.success(), "renice of thread {} by {step} failed", id.display());
+    let status = Command::new("/bin/chrt").args([class, "--pid", "0"]).arg(id).status();
+    ensure!(status.context("starting chrt")?.success(), "chrt {class} of thread {} failed", id.display());
     Ok(())
 }

@@ -16,10 +16,8 @@ use std::time::Duration;
 
 /// The master's silence limit: a loss that is told sooner was told by the kernel, not by silence, ns.
 const SILENCE_LIMIT_NS: i64 = 100_000_000;
-/// From a loss to the command that ends the motion, ns: two ticks of the master. 0.2 to 1.95 ms were measured.
+/// From a loss to the command that ends the motion, ns: two ticks of the master. 0.2 to 1.2 ms were measured, 41 times.
 pub const STOP_NS: i64 = 2_000_000;
-/// The longest of several, ns: a tick more, because the machine has one processor, and the kernel that takes the device away runs on it too.
-const LONGEST_STOP_NS: i64 = 3_000_000;
 /// How often it is pulled out once more, how long the cap is held before it, and how long it stays out.
 const N_MORE: u8 = 4;
 const HELD_MS: i64 = 100;
@@ -144,11 +142,7 @@ pub fn stop_after<'a>(journal: &'a Journal, reports: &Path, nth: usize) -> anyho
 fn judge_stops(verdict: &mut PartVerdict, journal: &Journal) -> anyhow::Result<()> {
     let stops = (0..=usize::from(N_MORE)).map(|nth| stop_after(journal, Path::new(REPORTS), nth));
     let stops = stops.collect::<anyhow::Result<Vec<Stop>>>()?;
-    let mut whole_ns: Vec<i64> = stops.iter().map(Stop::whole_ns).collect();
-    whole_ns.sort_unstable();
-    let (shortest_ns, median_ns, longest_ns) =
-        (whole_ns[0], whole_ns[whole_ns.len() / 2], whole_ns[whole_ns.len() - 1]);
-    let in_time = shortest_ns >= 0 && median_ns <= STOP_NS && longest_ns <= LONGEST_STOP_NS;
+    let in_time = stops.iter().all(|stop| (0..=STOP_NS).contains(&stop.whole_ns()));
     let figures: Vec<String> = stops.iter().map(Stop::figure).collect();
     verdict.check("stop_commands_virtual_us", in_time, figures.join(","));
     let stop = stops[0].command;
