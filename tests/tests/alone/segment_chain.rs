@@ -1,19 +1,18 @@
 //! Two segments on six lines through the real processes: less error with every step of compensation, down to the camera's own; every
 //! recorded step repeated byte for byte; replay, comparison, table; refusals in one sentence.
 
-use core::time::Duration;
+use super::{PATIENCE, alone, done, scripted};
 use krait_model::model_file::ModelFile;
 use krait_model::segments::Bends;
 use krait_record::Recording;
 use krait_schema::Sample;
 use krait_schema::generated::foxglove::SceneUpdate;
-use krait_tests::{Ended, TempFolder, instance_name};
+use krait_tests::{Ended, TempFolder};
 use prost::Message;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-const PATIENCE: Duration = Duration::from_secs(240);
 const TWO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/two.toml");
 const LEARN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/learn.toml");
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/segments/tip.csv");
@@ -25,32 +24,13 @@ const MOST_TIMES: f64 = 1.5;
 const LEAST_ROUNDS: usize = 5;
 const MOST_ROUNDS: usize = 15;
 
-/// One chain at a time: two on two cores come late.
-static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
-
 /// Runs the script with a compensation and gives the figures.
 fn run(recording: &str, seconds: &str, more: &[&str]) -> Value {
     run_model(recording, seconds, &[&["--model", TWO], more].concat())
 }
 
 fn run_model(recording: &str, seconds: &str, more: &[&str]) -> Value {
-    let once = || {
-        let instance = instance_name("segments");
-        let mut arguments = vec!["run", "--engage=again", "--json", "--master", "script", "--input", SCRIPT];
-        arguments.extend(["--seconds", seconds, "--instance", &instance, "--recording", recording]);
-        arguments.extend(more);
-        Ended::of(&arguments, PATIENCE)
-    };
-    let _alone = ALONE.lock();
-    let ended = Ended::in_time(recording, once);
-    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    ended.json()
-}
-
-fn done(arguments: &[&str]) -> Value {
-    let ended = Ended::of(arguments, PATIENCE);
-    assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
-    ended.json()
+    scripted(SCRIPT, recording, &[&["--seconds", seconds], more].concat())
 }
 
 fn rms_deg(score: &Value) -> f64 {
@@ -252,7 +232,7 @@ fn what_does_not_apply(folder: &TempFolder, recording: &str) {
     std::fs::write(&truth, "[[segment]]\nazimuths_rad = [0.0, 2.0, 4.0]\n").expect("written");
     let snake = folder.file("snake.toml");
     std::fs::write(&snake, "format = 1\n[machine]\nkind = \"snake\"\n").expect("written");
-    let _alone = ALONE.lock();
+    let _alone = alone();
     for (arguments, words) in [
         (
             &["replay", path.as_str(), "--model", TWO][..],

@@ -1,6 +1,7 @@
 //! A snake that is not the one that the model describes: the measured shape says so, and the motion ends; a model that has yet to
 //! learn, and models that are there to show their error, are left alone.
 
+use super::{PATIENCE, alone};
 use core::time::Duration;
 use krait_ipc::message::Phase;
 use krait_ipc::{Reason, Reasons};
@@ -9,12 +10,6 @@ use krait_tests::{
     Ended, Krait, TempFolder, assert_no_jump, instance_name, samples_in, signal_process, states_in, wait_for,
 };
 use rustix::process::Signal;
-use std::sync::Mutex;
-
-const PATIENCE: Duration = Duration::from_secs(240);
-
-/// One chain at a time: two on two cores come late.
-static ALONE: Mutex<()> = Mutex::new(());
 
 fn has(bits: u64, reason: Reason) -> bool {
     Reasons::from_bits(bits).contains(reason)
@@ -44,7 +39,7 @@ fn assert_verified(path: &str) {
 
 #[test]
 fn a_snake_that_is_grossly_another_than_its_model_warns_and_then_ends_the_motion() {
-    let _alone = ALONE.lock();
+    let _alone = alone();
     let (instance, folder) = (instance_name("other"), TempFolder::new("other"));
     let (path, truth) = (folder.file("run.mcap"), folder.file("truth.toml"));
     // The camera was turned by a quarter: the snake is seen to bend across where it is told to.
@@ -82,7 +77,7 @@ fn a_snake_that_is_grossly_another_than_its_model_warns_and_then_ends_the_motion
 /// The first joint has another zero than its model says, by 57 deg.
 #[test]
 fn a_wrist_that_is_grossly_another_than_its_model_ends_the_motion() {
-    let _alone = ALONE.lock();
+    let _alone = alone();
     let (instance, folder) = (instance_name("wrist"), TempFolder::new("wrist"));
     let (path, truth, model) = (folder.file("run.mcap"), folder.file("truth.toml"), folder.file("wrist.toml"));
     let joints = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints");
@@ -122,7 +117,7 @@ fn models_that_show_their_error_and_one_that_has_yet_to_learn_do_not_trip() {
     let (instance, folder) = (instance_name("left"), TempFolder::new("left"));
     let estimated = folder.file("estimated.mcap");
     {
-        let _alone = ALONE.lock();
+        let _alone = alone();
         let run = ["run", "--engage=again", "--seconds", "6", "--compensation", "estimated", "--instance", &instance];
         let ended = Ended::of(&[&run[..], &["--recording", &estimated]].concat(), PATIENCE);
         assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);

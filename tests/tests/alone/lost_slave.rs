@@ -1,6 +1,7 @@
 //! A slave that is killed and started again is enabled only if the one before was, and nobody has asked for less since; a held
 //! terminal keeps the supervisor from nothing.
 
+use super::{PATIENCE, alone};
 use core::time::Duration;
 use krait_ipc::Bus;
 use krait_ipc::message::SlaveState;
@@ -10,12 +11,6 @@ use krait_tests::{
 };
 use rustix::process::{Pid, Signal, kill_process};
 use std::process::Stdio;
-use std::sync::Mutex;
-
-const PATIENCE: Duration = Duration::from_secs(240);
-
-/// One chain at a time: two on two cores come late.
-static ALONE: Mutex<()> = Mutex::new(());
 
 fn state(instance: &str, ask: &[&str]) -> Ended {
     let shown = Ended::of(&[&["state"], ask, &["--json", "--instance", instance]].concat(), PATIENCE);
@@ -25,7 +20,7 @@ fn state(instance: &str, ask: &[&str]) -> Ended {
 
 #[test]
 fn a_slave_that_was_disabled_paused_or_stopped_stays_so_when_it_is_started_again() {
-    let _alone = ALONE.lock();
+    let _alone = alone();
     let (instance, folder) = (instance_name("lost"), TempFolder::new("lost"));
     let path = folder.file("run.mcap");
     let krait = Krait::start(&["run", "--engage=again", "--instance", &instance, "--recording", &path]);
@@ -60,7 +55,7 @@ fn a_slave_that_was_disabled_paused_or_stopped_stays_so_when_it_is_started_again
 
 #[test]
 fn a_chain_whose_terminal_stands_still_is_watched_answers_and_ends() {
-    let _alone = ALONE.lock();
+    let _alone = alone();
     let (instance, folder) = (instance_name("held"), TempFolder::new("held"));
     let path = folder.file("run.mcap");
     let (read_end, write_end) = held_terminal();

@@ -1,6 +1,7 @@
 //! Joints through the real processes: the same scripted motion with and without compensation, figures in the joints' own
 //! unit, and every recorded step repeated byte for byte.
 
+use super::{PATIENCE, alone, scripted};
 use core::time::Duration;
 use krait_record::Recording;
 use krait_schema::Sample;
@@ -10,27 +11,13 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-const PATIENCE: Duration = Duration::from_secs(240);
 const WRIST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.toml");
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/joints/wrist.csv");
 const OFF: &str = "format = 1\n[machine]\nkind = \"joints\"\nn = 3\ngain = [1.0, 1.0, 1.0]\noffset = [0.0, 0.0, 0.0]\n";
 
-/// One chain at a time: two on two cores come late.
-static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
-
 /// Runs the script with a model and gives the figures of the pass.
 fn run(model: &str, recording: &str, seconds: &str, more: &[&str]) -> Value {
-    let once = || {
-        let instance = instance_name("joints");
-        let mut arguments = vec!["run", "--engage=again", "--json", "--master", "script", "--input", SCRIPT];
-        arguments.extend(["--seconds", seconds, "--instance", &instance, "--model", model, "--recording", recording]);
-        arguments.extend(more);
-        Ended::of(&arguments, PATIENCE)
-    };
-    let _alone = ALONE.lock();
-    let ended = Ended::in_time(recording, once);
-    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    ended.json()
+    scripted(SCRIPT, recording, &[&["--seconds", seconds, "--model", model], more].concat())
 }
 
 fn verified(recording: &str) -> Value {
@@ -224,7 +211,7 @@ fn joints_take_a_better_model_while_they_run() {
     .expect("a file");
     let instance = instance_name("exchanged");
     let run = ["run", "--engage=again", "--master", "script", "--input", SCRIPT, "--model", &off];
-    let _alone = ALONE.lock();
+    let _alone = alone();
     let chain = Krait::start(&[&run[..], &["--instance", &instance, "--recording", &recording]].concat());
     let grown = wait_until(PATIENCE, || std::fs::metadata(&recording).is_ok_and(|file| file.len() > 200_000));
     assert!(grown, "it never moved");
@@ -261,7 +248,7 @@ fn a_joint_follows_the_turning_of_a_scripted_hand() {
     let instance = instance_name("turning");
     let run = ["run", "--engage=again", "--master", "script", "--input", &script, "--config", &config];
     let more = ["--model", WRIST, "--seconds", "3", "--instance", &instance, "--recording", &recording];
-    let _alone = ALONE.lock();
+    let _alone = alone();
     let ended = Ended::of(&[&run[..], &more[..]].concat(), PATIENCE);
     assert!(matches!(ended.code, Some(0 | 1)), "{}", ended.stderr);
     let mut furthest = [0.0_f64; 3];

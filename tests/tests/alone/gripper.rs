@@ -1,7 +1,7 @@
 //! A snake with a gripper through the real processes: the jaw follows its buttons while the snake bends, better with its wire's effects,
 //! the snake as well as without one; every recorded step repeated byte for byte; replay, comparison, table; refusals in one sentence.
 
-use core::time::Duration;
+use super::{PATIENCE, alone, done, scripted};
 use krait_ipc::message::{GRIPPER_WIRE, SlaveState};
 use krait_record::Recording;
 use krait_schema::Sample;
@@ -10,34 +10,14 @@ use rustix::process::Signal;
 use serde_json::Value;
 use std::path::Path;
 
-const PATIENCE: Duration = Duration::from_secs(240);
 const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/gripper/snake.toml");
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/gripper/grasp.csv");
 /// What the camera of the simulated snake adds to each angle, deg.
 const CAMERA_DEG: f64 = 0.3;
 
-/// One chain at a time: two on two cores come late.
-static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
-
 /// Runs the script with a model and gives the figures of the pass.
 fn run(model: &str, recording: &str, more: &[&str]) -> Value {
-    let once = || {
-        let instance = instance_name("gripper");
-        let mut arguments = vec!["run", "--engage=again", "--json", "--master", "script", "--input", SCRIPT];
-        arguments.extend(["--seconds", "14", "--instance", &instance, "--model", model, "--recording", recording]);
-        arguments.extend(more);
-        Ended::of(&arguments, PATIENCE)
-    };
-    let _alone = ALONE.lock();
-    let ended = Ended::in_time(recording, once);
-    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    ended.json()["passes"][0].clone()
-}
-
-fn done(arguments: &[&str]) -> Value {
-    let ended = Ended::of(arguments, PATIENCE);
-    assert_eq!(ended.code, Some(0), "{}\n{}", ended.stdout, ended.stderr);
-    ended.json()
+    scripted(SCRIPT, recording, &[&["--seconds", "14", "--model", model], more].concat())["passes"][0].clone()
 }
 
 fn jaw_rms_deg(score: &Value) -> f64 {
@@ -172,7 +152,7 @@ fn a_jaw_that_holds_something_is_told_as_that_and_limits_nothing_else() {
     let closes = "2,0,0,0,1,0,-1\n120,0,0,0,1,0,-1\n";
     let head = "time_s,tip_vx_m_per_s,tip_vy_m_per_s,tip_vz_m_per_s,operator_present,clutch,jaw\n0,0,0,0,1,0,0\n1,0,0,0,1,0,1\n";
     std::fs::write(&script, head.to_owned() + closes).expect("written");
-    let _alone = ALONE.lock();
+    let _alone = alone();
     let instance = instance_name("gripper");
     let run = ["run", "--engage=again", "--console", "--no-recording", "--instance", &instance, "--model", SHIPPED];
     let more = ["--master", "script", "--input", &script, "--truth", &truth];
