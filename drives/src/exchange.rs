@@ -59,8 +59,8 @@ pub(crate) struct Report {
     pub tau_n: Actuators,
     pub sampled_ns: PerActuator<i64>,
     pub state: PerActuator<ActuatorState>,
-    /// Whether each has sent an emergency that stands.
-    pub has_emergency: PerActuator<bool>,
+    /// Whether any has sent an emergency that stands.
+    pub has_emergency: bool,
 }
 
 impl Wish {
@@ -104,7 +104,7 @@ impl Exchange {
 }
 
 impl Report {
-    const N: usize = 8 + 5 * MAX_ACTUATORS;
+    const N: usize = 9 + 4 * MAX_ACTUATORS;
 
     /// Before anything is known.
     pub(crate) fn blank() -> Self {
@@ -117,7 +117,7 @@ impl Report {
             tau_n: [0.0; MAX_ACTUATORS],
             sampled_ns: [0; MAX_ACTUATORS],
             state: [ActuatorState::Off; MAX_ACTUATORS],
-            has_emergency: [false; MAX_ACTUATORS],
+            has_emergency: false,
         }
     }
 
@@ -139,7 +139,7 @@ impl AsWords<{ Report::N }> for Report {
         put(&mut words[8 + MAX_ACTUATORS..], self.tau_n.map(f64::to_bits));
         put(&mut words[8 + 2 * MAX_ACTUATORS..], self.sampled_ns.map(i64::cast_unsigned));
         put(&mut words[8 + 3 * MAX_ACTUATORS..], self.state.map(|state| state as u64));
-        put(&mut words[8 + 4 * MAX_ACTUATORS..], self.has_emergency.map(u64::from));
+        words[8 + 4 * MAX_ACTUATORS] = u64::from(self.has_emergency);
         words
     }
 
@@ -159,7 +159,7 @@ impl AsWords<{ Report::N }> for Report {
             tau_n: numbers(8 + MAX_ACTUATORS),
             sampled_ns: core::array::from_fn(|k| words[8 + 2 * MAX_ACTUATORS + k].cast_signed()),
             state: core::array::from_fn(|k| state(words[8 + 3 * MAX_ACTUATORS + k])),
-            has_emergency: core::array::from_fn(|k| words[8 + 4 * MAX_ACTUATORS + k] == 1),
+            has_emergency: words[8 + 4 * MAX_ACTUATORS] == 1,
         }
     }
 }
@@ -282,7 +282,7 @@ mod tests {
                     tau_n: core::array::from_fn(|k| -(k as f64)),
                     sampled_ns: core::array::from_fn(|k| -(k as i64)),
                     state: core::array::from_fn(|k| state(k as u64 % 8)),
-                    has_emergency: core::array::from_fn(|k| k % 3 == 1),
+                    has_emergency: phase == Phase::On,
                 };
                 assert_eq!(Report::from_words(&report.to_words()), report);
             }

@@ -147,7 +147,7 @@ impl<D: Drive> SlaveCore<D> {
             findings.note(Reason::FollowingError, self.following_error_m(), self.following_error_limit_m());
         }
         // Of a failed drive its failure is said.
-        if self.machine.state() != OperatingState::Fault && self.reading.has_emergency.contains(&true) {
+        if self.machine.state() != OperatingState::Fault && self.reading.has_emergency {
             findings.insert(Reason::DriveEmergency);
         }
         if self.gives_way() {

@@ -91,8 +91,8 @@ pub struct DriveReading {
     pub sampled_ns: [i64; MAX_ACTUATORS],
     /// What each actuator is doing; Off behind the last.
     pub state: [ActuatorState; MAX_ACTUATORS],
-    /// Whether each has sent an emergency that stands and has stopped nothing by itself.
-    pub has_emergency: [bool; MAX_ACTUATORS],
+    /// Whether any has sent an emergency that stands and has stopped nothing by itself.
+    pub has_emergency: bool,
 }
 
 impl DriveReading {
@@ -103,7 +103,7 @@ impl DriveReading {
             tau_n,
             sampled_ns: core::array::from_fn(|k| if k < n { stamp_ns } else { 0 }),
             state: core::array::from_fn(|k| if k < n { state } else { ActuatorState::Off }),
-            has_emergency: [false; MAX_ACTUATORS],
+            has_emergency: false,
         }
     }
 }

@@ -22,7 +22,7 @@ pub use browser::{Browser, BrowserPage};
 pub use chain_sender::{ChainScene, ChainSender};
 pub use http::{Console, HttpAnswer, Live, answer_on, is_closed, next_of_kind};
 pub use lab_room::{bar_values, bars, choose, press};
-pub use looks::{SIZES, Scrolls, canvas_points};
+pub use looks::{SIZES, STOP_IS_FREE, Scrolls, canvas_points};
 pub use motion::{
     allowed_m, assert_no_jump, assert_starts_at_setpoint, commands_in, is_moving, kill_until_back, samples_in,
     signal_process, states_in, step_m, wait_for, wait_for_motion,
@@ -33,4 +33,7 @@ pub use program::{Ended, Krait, krait_program};
 pub use relay::{CuttableWay, WayCut};
 pub use rewrite::{rewrite, rewrite_some};
 pub use riddle::{Riddle, hand, krait_json};
-pub use world::{TempFolder, held_terminal, instance_name, pid_of, processes_of, real_drives, say_aloud, wait_until};
+pub use world::{
+    TempFolder, cpu_ticks, held_terminal, instance_name, pid_of, processes_of, real_drives, say_aloud, stat_number,
+    wait_until,
+};

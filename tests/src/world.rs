@@ -13,6 +13,18 @@ pub fn instance_name(what: &str) -> String {
     format!("{what}-{}-{}", std::process::id(), N_NAMES.fetch_add(1, Ordering::Relaxed))
 }
 
+/// A number in a process's `stat`, by its number in proc(5), from the third on: the second, its name, may hold anything.
+pub fn stat_number(pid: u32, field: usize) -> i64 {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("it lives");
+    let behind_name = stat.rsplit_once(')').expect("a name").1;
+    behind_name.split_whitespace().nth(field - 3).and_then(|number| number.parse().ok()).expect("a number")
+}
+
+/// What a process has computed so far, in ticks of 10 ms.
+pub fn cpu_ticks(pid: u32) -> f64 {
+    (stat_number(pid, 14) + stat_number(pid, 15)) as f64
+}
+
 /// A folder that goes with the test.
 pub struct TempFolder(PathBuf);
 

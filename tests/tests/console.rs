@@ -6,8 +6,8 @@ use core::time::Duration;
 use krait_ipc::message::{OperatingState, RequestOutcome, StateAnswer, StateRequest, Transition};
 use krait_ipc::{Bus, ReadOptions};
 use krait_tests::{
-    Console, Ended, Krait, Live, TempFolder, answer_on, instance_name, is_closed, next_of_kind, processes_of,
-    wait_until,
+    Console, Ended, Krait, Live, TempFolder, answer_on, cpu_ticks, instance_name, is_closed, next_of_kind,
+    processes_of, wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::Read;
@@ -211,14 +211,14 @@ fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshn
     let mut pages: Vec<Live> = (0..10).map(|_| console.page()).collect();
     let processes = processes_of(&instance);
     let server = processes.iter().find(|(name, _)| name == "console").expect("the server").1;
-    let (from_s, from_ns) = (cpu_s(server), krait_ipc::clock::monotonic_ns());
+    let (from_ticks, from_ns) = (cpu_ticks(server), krait_ipc::clock::monotonic_ns());
     let mut numbers = vec![Vec::new(); pages.len()];
     for _ in 0..120 {
         for (page, numbers) in pages.iter_mut().zip(&mut numbers) {
             numbers.push(next_of_kind(page, "frame")["n"].as_u64().expect("a number"));
         }
     }
-    let share = (cpu_s(server) - from_s) / ((krait_ipc::clock::monotonic_ns() - from_ns) as f64 * 1e-9);
+    let share = 0.01 * (cpu_ticks(server) - from_ticks) / ((krait_ipc::clock::monotonic_ns() - from_ns) as f64 * 1e-9);
     assert!(share < 0.5, "the server takes {share} of a core");
     for numbers in &numbers {
         assert!(numbers.windows(2).all(|pair| pair[0] < pair[1]), "newer and newer: {numbers:?}");
@@ -268,13 +268,6 @@ fn a_page_that_never_reads_is_hung_up_on_and_no_long_row_of_old_pictures_waits_f
 /// Files and sockets that a process has open.
 fn n_open_files(pid: u32) -> usize {
     std::fs::read_dir(format!("/proc/{pid}/fd")).map_or(0, Iterator::count)
-}
-
-/// What a process has computed so far, s.
-fn cpu_s(pid: u32) -> f64 {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("it runs");
-    let fields: Vec<&str> = stat.rsplit_once(')').expect("a name").1.split_whitespace().collect();
-    [11, 12].map(|field| fields[field].parse::<f64>().expect("ticks of 10 ms") * 0.01).iter().sum()
 }
 
 #[test]

@@ -7,7 +7,7 @@
 use core::time::Duration;
 use krait_tests::{
     Browser, BrowserPage, Console, Ended, Krait, TempFolder, instance_name, is_moving, kill_until_back, processes_of,
-    wait_for, wait_until,
+    stat_number, wait_for, wait_until,
 };
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::json;
@@ -27,10 +27,8 @@ fn job_on(file: &str) -> Option<Pid> {
 
 /// The session and the nice value of a process.
 fn session_and_nice_of(process: Pid) -> (i32, i32) {
-    let stat = std::fs::read_to_string(format!("/proc/{}/stat", process.as_raw_nonzero())).expect("it lives");
-    let fields: Vec<&str> = stat.rsplit_once(')').expect("a name").1.split_whitespace().collect();
-    let [session, nice] = [3, 16].map(|at| fields[at].parse().expect("a number"));
-    (session, nice)
+    let number = |field| stat_number(process.as_raw_nonzero().get().cast_unsigned(), field) as i32;
+    (number(6), number(19))
 }
 
 /// The nice value of a process's session, where this kernel groups sessions.

@@ -5,7 +5,7 @@
 #![allow(clippy::expect_used, clippy::panic, reason = "a panic is how a test fails")]
 
 use core::time::Duration;
-use krait_tests::{Browser, BrowserPage, Console, Krait, TempFolder, instance_name};
+use krait_tests::{Browser, BrowserPage, Console, Krait, STOP_IS_FREE, TempFolder, instance_name};
 use rustix::process::Signal;
 use serde_json::json;
 
@@ -99,8 +99,7 @@ fn is_blank(page: &mut BrowserPage) {
     let covers = "(scene => [[0.02, 0.5], [0.5, 0.5], [0.5, 0.9], [0.98, 0.02]].every(([x, y]) =>
         document.getElementById('blank').contains(document.elementFromPoint(scene.x + x * scene.width, scene.y + y * scene.height))))(document.getElementById('scene').getBoundingClientRect())";
     page.wait_for("the old picture is covered", covers);
-    let is_free = "(stop => (({ left, top, width, height }) => document.elementFromPoint(left + width / 2, top + height / 2) === stop)(stop.getBoundingClientRect()))(document.querySelector('#stop-place iframe'))";
-    page.wait_for("STOP is not", is_free);
+    page.wait_for("STOP is not", STOP_IS_FREE);
 }
 
 /// How long the page says that the painter has been silent, s.

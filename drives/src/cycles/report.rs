@@ -26,6 +26,7 @@ impl<B: ActuatorBus> Cycles<B> {
         let mut report = Report::blank();
         (report.stamp_ns, report.turn, report.phase) = (now_ns, self.wish.turn, self.phase);
         report.failure = self.failure;
+        report.has_emergency = self.seen.emergency_code.iter().any(|code| *code != 0);
         let is_bus_gone = matches!(self.failure, Some(DriveError::Bus { .. }));
         for (k, units) in self.setup.units.iter().enumerate() {
             self.fill(k, units, &mut report);
@@ -44,7 +45,6 @@ impl<B: ActuatorBus> Cycles<B> {
         report.sampled_ns[k] = self.seen.sampled_ns[k];
         let state = self.judge.state(k, &self.seen, self.judged_phase());
         let relaxes = state == ActuatorState::QuickStopped && self.relaxing.is_some_and(|relaxing| relaxing.moves(k));
-        report.has_emergency[k] = self.seen.emergency_code[k] != 0;
         report.state[k] = if relaxes { ActuatorState::Relaxing } else { state };
     }
 }

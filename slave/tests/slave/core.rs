@@ -34,7 +34,7 @@ struct Mock {
     /// Whether a fault leaves the power on.
     holds: bool,
     failure: Option<DriveError>,
-    /// Whether the second drive has sent an emergency that stands.
+    /// Whether a drive has sent an emergency that stands.
     has_emergency: bool,
     n_quick_stops: u32,
 }
@@ -55,7 +55,7 @@ impl Drive for Mock {
     fn read(&mut self, stamp_ns: i64) -> Result<DriveReading, DriveError> {
         let state = if self.powered { ActuatorState::On } else { ActuatorState::Off };
         let mut reading = DriveReading::at_once(self.n_actuators(), stamp_ns, (self.q_m, self.tau_n), state);
-        reading.has_emergency[1] = self.has_emergency;
+        reading.has_emergency = self.has_emergency;
         Ok(reading)
     }
     fn home(&mut self, _stamp_ns: i64) -> Result<Homing, DriveError> {

@@ -20,7 +20,7 @@ mod verdict;
 mod world;
 
 use anyhow::Context;
-use krait_drives::ServoMake;
+use krait_slave::DriveKind;
 use std::process::ExitCode;
 use verdict::PartVerdict;
 use world::DriveMake;
@@ -34,11 +34,11 @@ fn main() -> ExitCode {
     let done = match words[..] {
         ["drive", id] => world::be_drive(id),
         ["master", period_ms] => period_ms.parse().context("the bus's period").and_then(chain::be_master),
-        ["servos", make] => serial::be_servos(make),
+        ["servos", word] => serial::be_servos(word),
         [n_cycles] => n_cycles.parse().context("the number of cycles").map(|n| judge(n, "")),
         [n_cycles, only] => n_cycles.parse().context("the number of cycles").map(|n| judge(n, only)),
         _ => Err(anyhow::anyhow!(
-            "expected a number of cycles and a part, `drive ID`, `servos MAKE` or `master PERIOD_MS`"
+            "expected a number of cycles and a part, `drive ID`, `servos KIND` or `master PERIOD_MS`"
         )),
     };
     match done {
@@ -87,10 +87,10 @@ fn judge(n_cycles: usize, only: &str) -> bool {
     told("calibrate", &program::calibrate);
     told("returning", &returning::all);
     // 6 s of 5 ms where the first part has 6 s of 1 ms.
-    for (name, make) in [("serial", ServoMake::Sts3215), ("xl330", ServoMake::Xl330)] {
-        told(&format!("{name}_rate"), &|| serial::rate(make, n_cycles / 5));
-        told(&format!("{name}_thread"), &|| serial::thread(make, n_cycles / 5));
-        told(&format!("{name}_unplugged"), &|| serial::unplugged(make));
+    for (name, kind) in [("serial", DriveKind::Sts3215), ("xl330", DriveKind::Xl330)] {
+        told(&format!("{name}_rate"), &|| serial::rate(kind, n_cycles / 5));
+        told(&format!("{name}_thread"), &|| serial::thread(kind, n_cycles / 5));
+        told(&format!("{name}_unplugged"), &|| serial::unplugged(kind));
     }
     if n == 0 {
         println!("CAN-VM parts FAIL none is called {only}");

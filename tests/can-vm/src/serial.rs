@@ -26,9 +26,8 @@ const KNOWN_CYCLES: u64 = 4;
 /// The braking ramp of 10 mm/s at 1 m/s2, and one for a wish that falls between two cycles.
 const BRAKE_CYCLES: u64 = 3;
 
-/// How a process of servos is told their make, and how configurations name it.
-const MAKES: [(&str, ServoMake, DriveKind); 2] =
-    [("sts3215", ServoMake::Sts3215, DriveKind::Sts3215), ("xl330", ServoMake::Xl330, DriveKind::Xl330)];
+/// How a process of servos is told their kind.
+const KINDS: [(&str, DriveKind); 2] = [("sts3215", DriveKind::Sts3215), ("xl330", DriveKind::Xl330)];
 
 /// Emulated servos in a process of their own.
 struct Servos {
@@ -39,9 +38,9 @@ struct Servos {
 }
 
 impl Servos {
-    /// Starts some of a make, below the bus's thread.
-    fn start(make: ServoMake) -> anyhow::Result<Self> {
-        let (word, _, kind) = MAKES.into_iter().find(|(_, own, _)| *own == make).context("no such make")?;
+    /// Starts some of a kind, below the bus's thread.
+    fn start(kind: DriveKind) -> anyhow::Result<Self> {
+        let (word, _) = KINDS.into_iter().find(|(_, own)| *own == kind).context("no servos")?;
         let mut child = Command::new("/bin/chrt")
             .args(["-f", "40", "/bin/krait-can-vm", "servos", word])
             .stdin(Stdio::piped())
@@ -79,9 +78,10 @@ impl Drop for Servos {
     }
 }
 
-/// Three servos of a make near their zero; a line of input unplugs the second or plugs it in again.
+/// Three servos of a kind near their zero; a line of input unplugs the second or plugs it in again.
 pub fn be_servos(word: &str) -> anyhow::Result<bool> {
-    let (_, make, _) = MAKES.into_iter().find(|(own, ..)| *own == word).context("expected a make of servos")?;
+    let kind = KINDS.into_iter().find(|(own, _)| *own == word).map(|(_, kind)| kind);
+    let make = kind.and_then(ServoMake::of).context("expected a kind of servos")?;
     let mut wire = ServoWire::new((1..=N as u8).map(|id| Servo::of(make, id, f64::from(ZERO))).collect());
     wire.usb_latency = Duration::from_millis(1);
     let emulator = Emulator::start(wire).context("a pseudo-terminal")?;
@@ -102,8 +102,8 @@ fn worked_ns() -> i64 {
 }
 
 /// So many cycles of the bus's own code by a bare timer: what a cycle takes, and what it works.
-pub fn rate(make: ServoMake, n: usize) -> anyhow::Result<PartVerdict> {
-    let servos = Servos::start(make)?;
+pub fn rate(kind: DriveKind, n: usize) -> anyhow::Result<PartVerdict> {
+    let servos = Servos::start(kind)?;
     let (mut bus, mut seen): (ServoBus, Seen) = ServoBus::open(&servos.config().drive)?;
     let mut goals = Goals { counts: [ZERO; 12], counts_per_s: [1000.0; 12] };
     bus.switch(true, &goals)?;
@@ -137,14 +137,14 @@ pub fn rate(make: ServoMake, n: usize) -> anyhow::Result<PartVerdict> {
 }
 
 /// The bus's own thread beside a slave's ticks: cycles are held and handed over one by one.
-pub fn thread(make: ServoMake, n: usize) -> anyhow::Result<PartVerdict> {
-    let servos = Servos::start(make)?;
+pub fn thread(kind: DriveKind, n: usize) -> anyhow::Result<PartVerdict> {
+    let servos = Servos::start(kind)?;
     ThreadChain::powered(open_drive(&servos.config(), None)?)?.judge(n, PERIOD_NS, WORK_US)
 }
 
 /// One servo is unplugged in motion: the others brake as the recorded goals show, stay under power, and nothing resumes.
-pub fn unplugged(make: ServoMake) -> anyhow::Result<PartVerdict> {
-    let mut servos = Servos::start(make)?;
+pub fn unplugged(kind: DriveKind) -> anyhow::Result<PartVerdict> {
+    let mut servos = Servos::start(kind)?;
     let mut chain = ThreadChain::powered(open_drive(&servos.config(), None)?)?;
     chain.go(200)?;
     chain.cycles.clear();

@@ -2,25 +2,25 @@
 
 use core::time::Duration;
 use krait_ipc::{Priority, Realtime, allowed_cores};
-use krait_tests::{Krait, TempFolder, instance_name, is_moving, processes_of, wait_for};
+use krait_tests::{Krait, TempFolder, instance_name, is_moving, processes_of, stat_number, wait_for};
 use rustix::process::Signal;
 use rustix::thread::{CpuSet, sched_setaffinity};
 
 const PATIENCE: Duration = Duration::from_secs(120);
+/// Field of a process's `stat`, proc(5).
+const RT_PRIORITY: usize = 40;
 
 /// SCHED_FIFO priorities of master, resolve, compensate and slave; 0: time sharing.
-fn priorities(instance: &str) -> [u32; 4] {
+fn priorities(instance: &str) -> [i64; 4] {
     let processes = processes_of(instance);
     ["master", "resolve", "compensate", "slave"].map(|name| {
         let (_, pid) = processes.iter().find(|(own, _)| own == name).expect("it runs");
-        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("it lives");
-        // Field 40 of proc(5), the 38th behind the name.
-        stat.rsplit_once(')').and_then(|(_, behind)| behind.split_whitespace().nth(37)?.parse().ok()).expect("a number")
+        stat_number(*pid, RT_PRIORITY)
     })
 }
 
 /// What a chain has by itself, started by a thread that may use all cores or one.
-fn priorities_on(cores: &[usize]) -> [u32; 4] {
+fn priorities_on(cores: &[usize]) -> [i64; 4] {
     let (instance, folder) = (instance_name("priority"), TempFolder::new("priority"));
     let recording = folder.file("run.mcap");
     let mut set = CpuSet::new();

@@ -6,7 +6,7 @@ use core::time::Duration;
 use krait_ipc::clock::monotonic_ns;
 use krait_ipc::message::{OperatingState, SlaveState};
 use krait_tests::{
-    Browser, BrowserPage, Console, Krait, TempFolder, instance_name, next_of_kind, states_in, wait_until,
+    Browser, BrowserPage, Console, Krait, TempFolder, cpu_ticks, instance_name, next_of_kind, states_in, wait_until,
 };
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -368,12 +368,6 @@ fn first_load() -> String {
     }
     assert!(packed < 150_000, "the first load has {packed} bytes");
     format!("first load: {n} files, {plain} bytes as they are, {packed} packed one by one with gzip -9")
-}
-
-fn cpu_ticks(pid: u32) -> f64 {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("it runs");
-    let fields: Vec<&str> = stat.rsplit_once(')').expect("a name").1.split_whitespace().collect();
-    [11, 12].map(|field| fields[field].parse::<f64>().expect("ticks")).iter().sum()
 }
 
 fn share(&(_, from_ns, to_ns): &(&str, i64, i64), ticks: f64) -> f64 {

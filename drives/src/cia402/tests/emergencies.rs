@@ -1,6 +1,7 @@
 //! Emergencies without a change of the status word: nothing stops, and the log says each code once.
 
 use super::*;
+use krait_ipc::message::DriveCycle;
 use krait_slave::DriveError;
 use std::cell::RefCell;
 use std::fmt::{Debug, Write};
@@ -88,13 +89,16 @@ fn an_emergency_without_a_failure_stops_nothing_and_each_code_is_said_once_until
         assert!(lines[0].contains("look whether the drive is sound"), "{lines:?}");
     }
     assert_eq!((bench.report().failure, bench.states()), (None, [State::OperationEnabled; 3]));
-    assert!(!bench.report().has_emergency.contains(&true), "the drive has taken them back");
+    assert!(!bench.report().has_emergency, "the drive has taken them back");
     bench.power_up();
     assert_eq!(said(), [""; 0], "what was said is not said again by itself");
     send(&bench, 0x4210);
     bench.go(1);
     assert_eq!(said().len(), 1, "power is switched on anew: it is news again");
-    assert_eq!(bench.report().has_emergency[..3], [false, true, false], "it stands");
+    let cycles = core::iter::from_fn(|| bench.exchange.cycles.pop::<DriveCycle>());
+    let newest = cycles.last().expect("a cycle");
+    assert_eq!([0, 1, 2].map(|k| newest.actuators[k].emergency_code), [0, 0x4210, 0], "it stands, and is recorded");
+    assert!(bench.report().has_emergency);
     assert_eq!((bench.report().failure, bench.states()), (None, [State::OperationEnabled; 3]));
 }
 
