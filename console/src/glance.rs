@@ -74,10 +74,11 @@ pub fn bend_deg([x, y]: [f64; 2]) -> f64 {
     x.hypot(y).to_degrees()
 }
 
-/// The plane of a bend, deg; nothing where there is too little bend to have one.
+/// The plane of a bend as the page shows it: anticlockwise from the camera's right (minus the paper's delta), whole degrees from 0 to 359;
+/// nothing where there is too little bend to have one.
 pub fn plane_deg(bend_rad: [f64; 2]) -> Option<f64> {
     let [x, y] = bend_rad;
-    (bend_deg(bend_rad) >= PLANE_FROM_DEG).then(|| y.atan2(x).to_degrees())
+    (bend_deg(bend_rad) >= PLANE_FROM_DEG).then(|| ((-y).atan2(x).to_degrees() + 360.0).round() % 360.0)
 }
 
 fn bend_line(wanted: [f64; 2], shape: Option<&Shape>, off_deg: Option<f64>) -> String {
@@ -215,7 +216,7 @@ mod tests {
         state.setpoint_joints_rad[..4].copy_from_slice(&[0.5, 0.0, 0.0, 0.4]);
         let lines = segment_lines(2, &state, Some(&Shape::of_joints(1, 1, 1, &[0.5, 0.0, 0.0, 0.39])));
         assert_eq!(lines[0], "segment 1   28.6 of 28.6 deg, off 0.00, plane 0 deg");
-        assert_eq!(lines[1], "segment 2   22.3 of 22.9 deg, off 0.57, plane 90 deg");
+        assert_eq!(lines[1], "segment 2   22.3 of 22.9 deg, off 0.57, plane 270 deg");
         assert_eq!(segment_lines(1, &state, None)[0], "segment 1   - of 28.6 deg, off -, plane - deg");
     }
 
@@ -243,7 +244,9 @@ mod tests {
         let wanted = [0.5, 0.5];
         let shape = |bend| Shape::of_bend(1, 1, 1, bend);
         let line = bend_line(wanted, Some(&shape([0.5, 0.5])), Some(0.456));
-        assert_eq!(line, "bend        40.5 of 40.5 deg, off 0.46 (rms of 1 s), plane 45 deg");
+        assert_eq!(line, "bend        40.5 of 40.5 deg, off 0.46 (rms of 1 s), plane 315 deg");
+        let planes = [[0.5, 0.0], [0.5, 1e-4], [0.5, -1e-4], [0.0, -0.5], [-0.5, -1e-4], [-0.5, 1e-4]].map(plane_deg);
+        assert_eq!(planes, [0.0, 0.0, 0.0, 90.0, 180.0, 180.0].map(Some));
         assert!(bend_line(wanted, Some(&shape([0.01, 0.0])), None).ends_with("off - (rms of 1 s), plane - deg"));
         assert!(bend_line(wanted, None, None).contains(" - of 40.5 deg"));
     }

@@ -200,7 +200,7 @@ fn a_flood_of_requests_is_refused_in_a_sentence_and_the_stop_never_is() {
 }
 
 #[test]
-fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshness() {
+fn a_hundred_stalled_connections_and_a_thousand_more_cost_the_chain_no_sample_and_the_page_no_freshness() {
     let (instance, folder) = (instance_name("stalled"), TempFolder::new("stalled"));
     let recording = folder.file("run.mcap");
     let arguments =
@@ -225,9 +225,12 @@ fn a_hundred_stalled_connections_cost_the_chain_no_sample_and_the_page_no_freshn
         let n_made = numbers[numbers.len() - 1] - numbers[0] + 1;
         assert!(n_made < 2 * numbers.len() as u64, "a page gets most of the {n_made} pictures: {}", numbers.len());
     }
+    // A thousand more while it moves, of which 300 stay: beyond 256 the page's port has no place.
+    let full = console.filled(1000, 300);
+    assert_eq!(console.request("GET", "/", &[], "").status, 0, "the page's port is full");
     let frame = next_of_kind(&mut pages[0], "frame");
     assert_eq!(frame["state"]["operating"], "ENABLED", "{frame}");
-    drop((stalled, pages));
+    drop((full, stalled, pages));
     let ended = krait.end(PATIENCE);
     assert!(ended.stdout.contains(" 0 lost"), "{ended:?}");
     assert!(processes_of(&instance).is_empty(), "the console ends with its chain");
