@@ -44,7 +44,7 @@ pub struct DrivesArgs {
     #[arg(long, value_name = "MM", default_value_t = 0.1, requires = "jog")]
     pub step_mm: f64,
     /// Plug in an emulated bus of so many servos, or drives with --interface, to try krait without hardware; until Ctrl-C.
-    #[arg(long, value_name = "SERVOS", value_parser = clap::value_parser!(u8).range(1..=12))]
+    #[arg(long, value_name = "SERVOS", conflicts_with_all = ["port", "baud"], value_parser = clap::value_parser!(u8).range(1..=12))]
     pub emulate: Option<u8>,
     /// Which servos are emulated.
     #[arg(long, value_name = "MAKE", value_enum, default_value_t = EmulatedServo::Sts3215, requires = "emulate", conflicts_with = "interface")]

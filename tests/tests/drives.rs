@@ -381,6 +381,7 @@ fn can_drives_that_cannot_be_had_are_refused_in_one_sentence() {
         std::fs::write(&path, format!("[slave.drive]\nkind = \"cia402\"\n{drive}")).expect("written");
         let ended = Ended::of(&[arguments, &["--config", &path, "--instance", &instance]].concat(), PATIENCE);
         assert_ne!(ended.code, Some(0));
+        assert!(arguments[0] == "run" || ended.stdout.is_empty(), "{arguments:?}: {}", ended.stdout);
         ended.sentence().to_owned()
     };
     let drive = "[[slave.drive.actuator]]\nid = 1\nvendor = 0x555\nproduct = 1\n";
@@ -402,6 +403,7 @@ fn can_drives_that_cannot_be_had_are_refused_in_one_sentence() {
         (format!("{there}{zeroed}"), &["drives"], "no CAN interface \"can77\""),
         (String::new(), &["drives", "--interface", "lo"], "lo is no CAN interface"),
         (String::new(), &["drives", "--emulate", "3", "--interface", "can77"], "no CAN interface \"can77\""),
+        (String::new(), &["drives", "--emulate", "3", "--interface", "lo"], "lo is no CAN interface"),
         (format!("{there}{zeroed}"), &["run", "--master", "browser"], "drives simulated drives only"),
     ] {
         // A configuration that does not say enough is refused first.

@@ -11,7 +11,7 @@ mod registers;
 mod servo;
 mod wire;
 
-pub use can::{CanBus, CanDrive, CanDrives, CanFaults, CanWire, serve as serve_can};
+pub use can::{CanBus, CanDrive, CanDrives, CanFaults, CanWire, look_at as look_at_can, serve as serve_can};
 pub use coupling::Coupling;
 pub use servo::{Faults, Servo, ToldGoal};
 pub use wire::ServoWire;

@@ -200,6 +200,14 @@ impl Wire for CanWire {
     }
 }
 
+/// Whether emulated drives could live on an interface.
+///
+/// # Errors
+/// [`OpenError`] where the interface cannot be used.
+pub fn look_at(interface: &str) -> Result<(), OpenError> {
+    socket(interface).map(drop)
+}
+
 /// Lets emulated drives live on an interface of this machine until `ends`; each says that it has started. While the interface is down
 /// they live on unheard, as drives do whose cable was pulled.
 ///

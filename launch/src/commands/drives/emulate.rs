@@ -2,7 +2,7 @@
 
 use crate::{print, signals};
 use core::time::Duration;
-use krait_drives::emulator::{CanBus, CanDrive, Coupling, Emulator, Servo, ServoWire, serve_can};
+use krait_drives::emulator::{CanBus, CanDrive, Coupling, Emulator, Servo, ServoWire, look_at_can, serve_can};
 use krait_drives::{ServoMake, Units};
 use krait_sim::{CableSnake, Truth};
 use krait_slave::ActuatorConfig;
@@ -62,6 +62,7 @@ fn snakes(n: u8, zero: f64, counts_per_m: f64, largest_n: f64) -> Coupling {
 
 /// Lets so many drives live on a CAN interface, prints their configuration on standard output, and runs until Ctrl-C.
 pub(super) fn run_can(n: u8, interface: &str) -> anyhow::Result<ExitCode> {
+    look_at_can(interface)?;
     let stop = signals::stop_flag()?;
     let mut text = format!(
         "# {n} emulated drives on {interface}, until Ctrl-C; three each bend a simulated snake, and feel it. Save these lines as can.toml, then in another terminal:\n\
