@@ -20,15 +20,12 @@ pub enum OpenError {
         there: String,
     },
     /// The port belongs to others.
-    #[error(
-        "the serial port {} may not be opened: it belongs to the group {group}; join it with `sudo usermod -aG {group} $USER` and log in anew",
-        .port.display()
-    )]
+    #[error("the serial port {} may not be opened: {advice}", .port.display())]
     NoPermission {
         /// The port.
         port: PathBuf,
-        /// Its group.
-        group: String,
+        /// Whose it is, and which group or rule would open it.
+        advice: String,
     },
     /// Somebody else has the port.
     #[error("the serial port {} is in use by another program, such as a chain that runs; end that first", .port.display())]
@@ -75,9 +72,11 @@ pub enum OpenError {
     },
     /// Two answer at once.
     #[error(
-        "two servos seem to have the id {id}: its question was answered {n} times, or unintelligibly; give each its own id, one servo on the bus at a time"
+        "two {what}s seem to have the id {id}: its question was answered {n} times, or unintelligibly; give each its own id, one {what} on the bus at a time"
     )]
     SameId {
+        /// "servo" or "drive".
+        what: &'static str,
         /// The number.
         id: u8,
         /// Answers.
@@ -362,6 +361,11 @@ pub enum OpenError {
         "[slave.drive] mode = \"dry\": drives with is_absolute = false are told their zero under power for a moment, and a dry run gives none; set it to \"live\" for `krait drives --zero`"
     )]
     HomesDry,
+    /// Somebody ended it.
+    #[error(
+        "homing was ended before it was done; the drives have no power, and some may read their zero_count already: begin anew with `krait drives --zero`"
+    )]
+    HomingEnded,
     /// Homing failed.
     #[error(
         "actuator {actuator} (id {id}) was not homed where it stands (method 37), its status word is {status:#06X}; see its manual for homing without motion"

@@ -192,6 +192,7 @@ fn failure_words(failure: Option<DriveError>) -> [u64; 5] {
         Some(DriveError::Unled { silent_ms, limit_ms }) => [8, 0, silent_ms.to_bits(), limit_ms.to_bits(), 0],
         Some(DriveError::HardwareStop { actuator, code }) => [9, actuator as u64, u64::from(code), 0, 0],
         Some(DriveError::OtherGoal { actuator }) => [10, actuator as u64, 0, 0, 0],
+        Some(DriveError::AllLost { silent_ms }) => [11, 0, silent_ms.to_bits(), 0, 0],
         None => [0; 5],
         // The bus has no other failures.
         Some(_) => [7, 0, 0, 0, 0],
@@ -213,6 +214,7 @@ fn failure(words: &[u64]) -> Option<DriveError> {
         8 => DriveError::Unled { silent_ms: first, limit_ms: second },
         9 => DriveError::HardwareStop { actuator, code: words[2] as u32 },
         10 => DriveError::OtherGoal { actuator },
+        11 => DriveError::AllLost { silent_ms: first },
         _ => return None,
     })
 }
@@ -262,6 +264,7 @@ mod tests {
             None,
             Some(DriveError::Lost { actuator: 2, silent_ms: 15.5 }),
             Some(DriveError::OtherGoal { actuator: 5 }),
+            Some(DriveError::AllLost { silent_ms: 15.0 }),
             Some(DriveError::Limp { actuator: 12 }),
             Some(DriveError::Reset { actuator: 1 }),
             Some(DriveError::Jumped { actuator: 3, by_m: -0.02 }),

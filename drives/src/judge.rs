@@ -67,6 +67,14 @@ impl Judge {
             let finding = self.look_at(k, seen, told, phase, now_ns);
             found = found.or(finding);
         }
+        // One cause, such as the supply of the bus, which may have gone between two answers: nobody is left who would hold.
+        let most = self.lost_cycles.saturating_sub(1).max(1);
+        let is_silent = |k: usize| self.n_missing[k] >= most && self.n_other[k] == 0;
+        let is_lost = matches!(found, Some(Finding::Known(DriveError::Lost { .. })));
+        if is_lost && self.n_actuators > 1 && (0..self.n_actuators).all(is_silent) {
+            let longest_ms = (0..self.n_actuators).map(|k| self.silent_ms(k, now_ns)).fold(0.0, f64::max);
+            return Some(Finding::Known(DriveError::AllLost { silent_ms: longest_ms }));
+        }
         found
     }
 
@@ -124,8 +132,11 @@ impl Judge {
         if self.n_other[k] >= self.lost_cycles {
             return DriveError::OtherGoal { actuator };
         }
-        let silent_ms = now_ns.saturating_sub(self.answered_ns[k]) as f64 * 1e-6;
-        DriveError::Lost { actuator, silent_ms }
+        DriveError::Lost { actuator, silent_ms: self.silent_ms(k, now_ns) }
+    }
+
+    fn silent_ms(&self, k: usize, now_ns: i64) -> f64 {
+        now_ns.saturating_sub(self.answered_ns[k]) as f64 * 1e-6
     }
 
     /// What an actuator is doing, as far as is known.

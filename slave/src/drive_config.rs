@@ -115,7 +115,7 @@ settings! {
         sign: i32 = 1;
         /// Radius of the spool, to the middle of the line, m.
         spool_radius_m: f64 = 0.008, 1e-4..=0.2;
-        /// "cia402": lead of the screw that pulls the line in place of a spool, m for a turn.
+        /// Lead of the screw that pulls the line in place of a spool, m for a turn, 0.0001 to 0.1.
         lead_m: Option<f64> = None;
         /// "cia402": counts of the drive for a turn of its encoder.
         counts_per_turn: u32 = 4096, 4..=100_000_000;
@@ -193,6 +193,10 @@ impl DriveConfig {
             actuator.check_jaw(k + 1, n)?;
             if actuator.sign.abs() != 1 {
                 return refuse(format!("actuator {}: sign = {}, expected 1 or -1", k + 1, actuator.sign));
+            }
+            // Which way a line goes is for `sign` to say.
+            if let Some(lead_m) = actuator.lead_m.filter(|lead_m| !(1e-4..=0.1).contains(lead_m)) {
+                return refuse(format!("actuator {}: lead_m = {lead_m}, expected 0.0001 to 0.1 m for a turn", k + 1));
             }
             if self.kind == DriveKind::Cia402 {
                 actuator.check_can(k + 1)?;
@@ -317,12 +321,7 @@ impl ActuatorConfig {
         if self.vendor.is_none() || self.product.is_none() {
             return refuse("vendor or product is missing; `krait drives` shows those that are there".to_owned());
         }
-        match self.lead_m {
-            Some(lead_m) if !(1e-4..=0.1).contains(&lead_m) => {
-                refuse(format!("lead_m = {lead_m}, expected 0.0001 to 0.1 m for a turn"))
-            }
-            _ => Ok(()),
-        }
+        Ok(())
     }
 }
 
@@ -358,7 +357,9 @@ mod tests {
             (format!("{bus}{servo}[[actuator]]\nid = 2\njaw_m_per_rad = 0.2"), "actuator 2: jaw_m_per_rad = 0.2"),
             ("kind = \"cia402\"".to_owned(), "interface is missing"),
             (format!("{can}{servo}"), "vendor or product is missing"),
-            (format!("{can}{drive}lead_m = 2.0"), "lead_m = 2"),
+            (format!("{can}{drive}lead_m = 2.0"), "actuator 1: lead_m = 2"),
+            (format!("{bus}{servo}lead_m = -0.002"), "actuator 1: lead_m = -0.002"),
+            (format!("{dxl}{servo}lead_m = nan"), "actuator 1: lead_m = NaN"),
             (format!("{can}gives_up_ms = 50\n{drive}"), "gives_up_ms = 50"),
             (format!("{can}{drive}").replace("id = 1\n", "id = 127\n"), "id = 127"),
             (format!("{bus}heartbeat_ms = 50\n{servo}"), "heartbeat_ms is of drives of kind \"cia402\""),

@@ -38,6 +38,11 @@ pub enum DriveError {
         /// How long, ms.
         silent_ms: f64,
     },
+    /// No actuator of several answers any more.
+    AllLost {
+        /// How long, ms.
+        silent_ms: f64,
+    },
     /// An actuator answers, but knows another goal than it was told.
     OtherGoal {
         /// Which, from 1.
@@ -141,6 +146,13 @@ impl fmt::Display for Said {
                 f,
                 "Drive {actuator} failed; {others}: it has not answered for {silent_ms:.1} ms; check its cable and power, {AGAIN}"
             ),
+            DriveError::AllLost { silent_ms } => {
+                let rest = either("hold where they were last told to be", "were told to give up their power");
+                write!(
+                    f,
+                    "no drive answers any more, for {silent_ms:.1} ms; those that hear {rest}; check the supply and the cable of the bus, {AGAIN}"
+                )
+            }
             DriveError::OtherGoal { actuator } => write!(
                 f,
                 "Drive {actuator} failed; {others}: it answers, but knows another goal than it was told, so somebody else speaks on its bus, or goals are lost on their way; end other programs on that bus, check its cable, {AGAIN}"
@@ -226,7 +238,12 @@ impl DriveError {
             | Self::Reset { actuator }
             | Self::Jumped { actuator, .. }
             | Self::FarFromZero { actuator, .. } => Some(actuator),
-            Self::NotPowered | Self::Failed { .. } | Self::Stale { .. } | Self::Bus { .. } | Self::Unled { .. } => None,
+            Self::NotPowered
+            | Self::Failed { .. }
+            | Self::AllLost { .. }
+            | Self::Stale { .. }
+            | Self::Bus { .. }
+            | Self::Unled { .. } => None,
         }
     }
 }
@@ -239,6 +256,7 @@ mod tests {
     fn where_a_fault_takes_the_power_no_sentence_says_that_anybody_holds() {
         for failure in [
             DriveError::Lost { actuator: 2, silent_ms: 15.0 },
+            DriveError::AllLost { silent_ms: 15.0 },
             DriveError::OtherGoal { actuator: 2 },
             DriveError::Tripped { actuator: 2, code: 4, meaning: "that it is too hot" },
             DriveError::HardwareStop { actuator: 2, code: 0 },

@@ -105,7 +105,7 @@ pub fn canvas_points(canvas: &str) -> String {
         "(own => {{
             const copy = document.createElement('canvas');
             [copy.width, copy.height] = [own.clientWidth, own.clientHeight];
-            const g = copy.getContext('2d');
+            const g = copy.getContext('2d', {{ willReadFrequently: true }});
             g.drawImage(own, 0, 0, copy.width, copy.height);
             return g.getImageData(0, 0, copy.width, copy.height).data;
         }})(document.querySelector('{canvas}'))"

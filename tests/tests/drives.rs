@@ -187,7 +187,7 @@ fn refused_beside_a_chain(config: &str, instance: &str) {
         assert!(taken.sentence().contains("is already running"), "{wish:?}: {}", taken.stderr);
     }
     let other = instance_name("jog");
-    for wish in [&["--jog", "1"][..], &["--zero"]] {
+    for wish in [&["--jog", "1"][..], &["--zero"], &["--calibrate"]] {
         let busy = Ended::of(&[&["drives", "--config", config, "--instance", &other][..], wish].concat(), PATIENCE);
         assert!(busy.sentence().contains("is in use by another program"), "{wish:?}: {}", busy.stderr);
     }
@@ -218,6 +218,15 @@ fn found_and_stepped(make: ServoMake) {
     assert_eq!(ids, [1, 2, 3, 9]);
     assert_eq!((&found[0]["reading"]["counts"], &found[0]["reading"]["is_powered"]), (&2048.into(), &false.into()));
     assert!(found[3]["is_known"] == false && found[3]["reading"].is_null(), "{found}");
+    let shown = Ended::of(&["drives", "--port", &port, "--last-id", "9"], PATIENCE).stdout;
+    let rows: Vec<Vec<&str>> = shown.lines().map(|line| line.split_whitespace().collect()).collect();
+    let heads = "counts power current A deg C supply V says";
+    assert!(rows.iter().any(|row| row.join(" ").ends_with(heads)), "{shown}");
+    let of_id = |id: &str| rows.iter().find(|row| row.get(2) == Some(&id)).unwrap_or_else(|| panic!("{id}: {shown}"));
+    let supply_v = if make == ServoMake::Xl330 { "5.0" } else { "7.4" };
+    let end = format!(" 2048 off 0.000 31 {supply_v} well");
+    assert!(of_id("1").join(" ").ends_with(&end), "{shown}");
+    assert!(of_id("9").join(" ").contains("stranger (model 1284), never moved"), "{shown}");
     watch::second_moves_to(2100, make, &emulator);
     let zero = Ended::of(&["drives", "--zero", "--config", &config, "--instance", &instance], PATIENCE);
     assert!(zero.stdout.contains("zero_count = 2100  # actuator 2, id 2"), "{} {}", zero.stdout, zero.stderr);
@@ -240,6 +249,12 @@ fn found_and_stepped(make: ServoMake) {
         let answer = krait.line();
         assert!(answer.starts_with(told), "{answer}");
     }
+    // A key that is held repeats faster than a step is made: what is pressed during one is forgotten.
+    input.write_all(&b"\n".repeat(20)).expect("written");
+    assert!(krait.line().starts_with("told 0.838 mm"));
+    input.write_all(b"-\n").expect("written");
+    let answer = krait.line();
+    assert!(answer.starts_with("told 0.738 mm"), "one step of twenty keys: {answer}");
     // A stall ends the engagement; the first key after it moves nothing.
     krait.signal(Signal::STOP);
     std::thread::sleep(Duration::from_millis(300));

@@ -10,6 +10,7 @@ use super::wire::Wire;
 use super::{Cia402, sdo};
 use crate::bus::{ActuatorBus, Seen};
 use crate::error::OpenError;
+use core::sync::atomic::{AtomicBool, Ordering};
 use krait_slave::{DriveMode, SlaveConfig};
 
 /// How long each part may take, ns.
@@ -18,11 +19,12 @@ const PATIENCE_NS: i64 = 5_000_000_000;
 const NEAR_COUNTS: u32 = 50;
 
 /// Makes `zero_count` of each drive with an incremental encoder what it reads where it stands now; the power is off again afterwards.
-/// Those that keep their count get none, whatever `zero_count` they have. Gives what all read then.
+/// Those that keep their count get none, whatever `zero_count` they have. Gives what all read then. Where `stop` is set meanwhile, power goes
+/// at once.
 ///
 /// # Errors
 /// [`OpenError`]; in a dry run before the bus is touched.
-pub fn home_here(config: &SlaveConfig) -> Result<Seen, OpenError> {
+pub fn home_here(config: &SlaveConfig, stop: &AtomicBool) -> Result<Seen, OpenError> {
     may_have_power(config)?;
     let mut config = config.clone();
     zeros(&config)?;
@@ -31,7 +33,7 @@ pub fn home_here(config: &SlaveConfig) -> Result<Seen, OpenError> {
     kept.for_each(|actuator| actuator.zero_count = Some(0));
     setup(&config)?;
     let (mut bus, mut seen) = Cia402::open(&config, CanPort::open(interface(&config.drive)?)?)?;
-    bus.home(&config, &mut seen)?;
+    bus.home(&config, &mut seen, stop)?;
     Ok(seen)
 }
 
@@ -51,7 +53,7 @@ fn zeros(config: &SlaveConfig) -> Result<Vec<(usize, i32)>, OpenError> {
 
 impl<W: Wire> Cia402<W> {
     /// Homes the drives that forget their count where they stand; the others stand by without power.
-    pub(crate) fn home(&mut self, config: &SlaveConfig, seen: &mut Seen) -> Result<(), OpenError> {
+    pub(crate) fn home(&mut self, config: &SlaveConfig, seen: &mut Seen, stop: &AtomicBool) -> Result<(), OpenError> {
         may_have_power(config)?;
         let zeros = zeros(config)?;
         for (k, zero) in &zeros {
@@ -64,9 +66,9 @@ impl<W: Wire> Cia402<W> {
             nodes.for_each(|(node, actuator)| node.stands_by = is_so && actuator.is_absolute);
         };
         stand_by(self, true);
-        let homed = self.home_all(config, seen);
+        let homed = self.home_all(config, seen, stop);
         // Whatever became of it, nobody stays under power.
-        let off = self.until(config, seen, Order::Off, |_, has_power| !has_power);
+        let off = self.until(config, seen, Order::Off, None, |_, has_power| !has_power);
         stand_by(self, false);
         for (k, _) in &zeros {
             self.set(*k, MODE, MODE_CSP, 1)?;
@@ -81,21 +83,25 @@ impl<W: Wire> Cia402<W> {
         Ok(())
     }
 
-    fn home_all(&mut self, config: &SlaveConfig, seen: &mut Seen) -> Result<(), OpenError> {
-        self.until(config, seen, Order::Switch, |_, has_power| has_power)?;
-        self.until(config, seen, Order::Home, |status, _| homing(status) == Some(true))
+    fn home_all(&mut self, config: &SlaveConfig, seen: &mut Seen, stop: &AtomicBool) -> Result<(), OpenError> {
+        self.until(config, seen, Order::Switch, Some(stop), |_, has_power| has_power)?;
+        self.until(config, seen, Order::Home, Some(stop), |status, _| homing(status) == Some(true))
     }
 
-    /// Cycles of one order until something holds of each drive's status word and of whether it has power.
+    /// Cycles of one order until something holds of each drive's status word and of whether it has power, or a stop is asked for.
     fn until(
         &mut self,
         config: &SlaveConfig,
         seen: &mut Seen,
         order: Order,
+        stop: Option<&AtomicBool>,
         is_done: impl Fn(u16, bool) -> bool,
     ) -> Result<(), OpenError> {
         let end_ns = self.wire.now_ns() + PATIENCE_NS;
         loop {
+            if stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+                return Err(OpenError::HomingEnded);
+            }
             let now_ns = self.wire.now_ns();
             let mut goals = self.goals;
             goals.counts = seen.counts;

@@ -193,7 +193,7 @@ impl<W: Wire> Cia402<W> {
         }
         for (k, node) in self.nodes.iter().enumerate() {
             if node.n_stray >= STRAYS {
-                return Err(OpenError::SameId { id: node.id, n: node.n_stray as usize });
+                return Err(OpenError::SameId { what: "drive", id: node.id, n: node.n_stray as usize });
             }
             if let Some(refusal) = node.refusal {
                 return Err(refused(k + 1, node.id, refusal));

@@ -142,23 +142,19 @@ fn lock(place: &Path, interface: &str) -> Result<OwnedFd, OpenError> {
     Ok(file)
 }
 
+/// Whether what the kernel tells of an interface makes it fit for use.
 fn check(place: &Path, interface: &str) -> Result<(), OpenError> {
     let read = |name: &str| std::fs::read_to_string(place.join(name)).map(|text| text.trim().to_owned()).ok();
-    fitness(interface, read("type").as_deref(), read("flags").as_deref(), read("carrier").as_deref())
-}
-
-/// Whether what the kernel tells of an interface makes it fit for use.
-fn fitness(interface: &str, kind: Option<&str>, flags: Option<&str>, carrier: Option<&str>) -> Result<(), OpenError> {
     let interface = interface.to_owned();
-    if kind != Some(ARPHRD_CAN) {
+    if read("type").as_deref() != Some(ARPHRD_CAN) {
         return Err(OpenError::NotCan { interface });
     }
-    let flags = flags.and_then(|flags| u32::from_str_radix(flags.trim_start_matches("0x"), 16).ok());
+    let flags = read("flags").and_then(|flags| u32::from_str_radix(flags.trim_start_matches("0x"), 16).ok());
     if flags.is_some_and(|flags| flags & IFF_UP == 0) {
         return Err(OpenError::InterfaceDown { interface });
     }
     // The kernel takes the carrier from a controller that has left the bus.
-    if carrier == Some("0") {
+    if read("carrier").as_deref() == Some("0") {
         return Err(OpenError::InterfaceBusOff { interface });
     }
     Ok(())
@@ -280,12 +276,24 @@ mod tests {
 
     #[test]
     fn what_the_kernel_tells_of_an_interface_makes_it_fit_or_names_what_is_wrong() {
-        fitness("can0", Some("280"), Some("0x40041"), Some("1")).unwrap();
-        let down = fitness("can0", Some("280"), Some("0x40040"), None).unwrap_err().to_string();
+        let place = std::env::temp_dir().join(format!("krait-net-{}", std::process::id()));
+        std::fs::create_dir_all(&place).expect("a folder");
+        let look = |kind: &str, flags: &str, carrier: Option<&str>| {
+            for (name, text) in [("type", Some(kind)), ("flags", Some(flags)), ("carrier", carrier)] {
+                let _was_not_there = std::fs::remove_file(place.join(name));
+                text.map_or(Ok(()), |text| std::fs::write(place.join(name), format!("{text}\n"))).expect("written");
+            }
+            check(&place, "can0").map_err(|error| error.to_string())
+        };
+        look("280", "0x40041", Some("1")).unwrap();
+        // Virtual ones have no carrier to tell of.
+        look("280", "0x40041", None).unwrap();
+        let down = look("280", "0x40040", None).unwrap_err();
         assert!(down.contains("can0 is down") && down.contains("sudo ip link set can0 up type can bitrate"), "{down}");
-        let off = fitness("can0", Some("280"), Some("0x40041"), Some("0")).unwrap_err().to_string();
+        let off = look("280", "0x40041", Some("0")).unwrap_err();
         assert!(off.contains("bus-off") && off.contains("termination"), "{off}");
-        assert!(matches!(fitness("eth0", Some("1"), Some("0x1003"), Some("1")), Err(OpenError::NotCan { .. })));
+        assert!(look("1", "0x1003", Some("1")).unwrap_err().contains("is no CAN interface"));
+        std::fs::remove_dir_all(&place).expect("removed");
     }
 
     #[test]

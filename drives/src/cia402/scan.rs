@@ -124,7 +124,7 @@ fn ask<W: Wire>(wire: &mut W, id: u8, place: Place, question: &Frame) -> Result<
     let first = next(wire, id, place, wire.now_ns() + ANSWER_NS)?;
     // A second answer is somebody else's.
     if first.is_some() && next(wire, id, place, wire.now_ns() + LINGER_NS)?.is_some() {
-        return Err(OpenError::SameId { id, n: 2 });
+        return Err(OpenError::SameId { what: "drive", id, n: 2 });
     }
     Ok(first)
 }

@@ -96,7 +96,7 @@ pub(super) fn of_one(line: &mut Line, who: Block, id: u8, how: Ask) -> Result<Op
         // What comes late must not be the answer to the next question.
         line.recover()?;
     }
-    spoilt.map_or(Ok(None), |n| Err(OpenError::SameId { id, n }))
+    spoilt.map_or(Ok(None), |n| Err(OpenError::SameId { what: "servo", id, n }))
 }
 
 /// The same registers of all servos, who are known to be there.

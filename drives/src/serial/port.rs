@@ -126,7 +126,7 @@ fn refused(path: &Path, error: Errno) -> OpenError {
     let port = path.to_owned();
     match error {
         Errno::NOENT | Errno::NXIO | Errno::NODEV => OpenError::NoSuchPort { port, there: what_is_there() },
-        Errno::ACCESS | Errno::PERM => OpenError::NoPermission { group: group_of(path), port },
+        Errno::ACCESS | Errno::PERM => OpenError::NoPermission { advice: advice(path), port },
         Errno::BUSY | Errno::WOULDBLOCK => OpenError::InUse { port },
         Errno::NOTTY | Errno::ISDIR | Errno::INVAL => OpenError::NotSerial { port },
         error => OpenError::Io { port, source: error.into() },
@@ -156,9 +156,47 @@ fn what_is_there() -> String {
     format!("there are {}", names.join(", "))
 }
 
-/// Name of the group that a file belongs to, or its number.
-fn group_of(path: &Path) -> String {
-    let Ok(gid) = std::fs::metadata(path).map(|meta| meta.gid().to_string()) else { return "dialout".to_owned() };
+/// Rights of a group to read and write.
+const GROUP_READS_AND_WRITES: u32 = 0o060;
+/// Where the udev rule belongs: before 73-seat-late.rules, which acts upon the `uaccess` tag.
+const RULES: &str = "/etc/udev/rules.d/70-krait-serial.rules";
+
+/// What opens a port that may not be opened: its group where the group may and is not root's, a udev rule where not.
+fn advice(path: &Path) -> String {
+    let Ok(found) = std::fs::metadata(path) else { return "look at its rights with `ls -l`".to_owned() };
+    let group = group_named(found.gid());
+    if found.gid() != 0 && found.mode() & GROUP_READS_AND_WRITES == GROUP_READS_AND_WRITES {
+        return format!(
+            "it belongs to the group {group}; join it with `sudo usermod -aG {group} $USER` and log in anew"
+        );
+    }
+    let name = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let name = name.strip_prefix("/dev").unwrap_or(&name).display().to_string();
+    let rule = match usb_ids(Path::new(SYSFS), &name) {
+        Some([vendor, product]) => {
+            format!("SUBSYSTEM==\"tty\", ATTRS{{idVendor}}==\"{vendor}\", ATTRS{{idProduct}}==\"{product}\"")
+        }
+        None => format!("SUBSYSTEM==\"tty\", KERNEL==\"{name}\""),
+    };
+    format!(
+        "no group that you could join may read and write it (group {group}, rights {:03o}); write the line {rule}, MODE=\"0660\", TAG+=\"uaccess\" into {RULES} and plug the adapter in anew",
+        found.mode() & 0o777
+    )
+}
+
+/// Where the kernel shows its terminals.
+const SYSFS: &str = "/sys/class/tty";
+
+/// Maker and product of the USB device that a terminal is of.
+fn usb_ids(sysfs: &Path, name: &str) -> Option<[String; 2]> {
+    let device = sysfs.join(name).join("device").canonicalize().ok()?;
+    let read = |folder: &Path, key: &str| Some(std::fs::read_to_string(folder.join(key)).ok()?.trim().to_owned());
+    device.ancestors().find_map(|folder| Some([read(folder, "idVendor")?, read(folder, "idProduct")?]))
+}
+
+/// Name of a group, or its number.
+fn group_named(gid: u32) -> String {
+    let gid = gid.to_string();
     let groups = std::fs::read_to_string("/etc/group").unwrap_or_default();
     let named = groups.lines().map(|line| line.split(':').collect::<Vec<_>>());
     let name = named.into_iter().find(|fields| fields.get(2) == Some(&gid.as_str())).map(|fields| fields[0].to_owned());
@@ -175,8 +213,25 @@ mod tests {
         assert!(matches!(missing, OpenError::NoSuchPort { .. }), "{missing}");
         let file = Port::open(Path::new("/dev/null"), 1_000_000).unwrap_err();
         assert!(matches!(file, OpenError::NotSerial { .. }), "{file}");
-        // Which group it is; that the kernel says so is for tests/tests/drives/permission.rs.
+        // That the kernel refuses is for tests/tests/drives/permission.rs. Nobody joins the group root.
         let refused = refused(Path::new("/dev/null"), Errno::ACCESS).to_string();
-        assert!(refused.contains("group root") && refused.contains("usermod -aG root"), "{refused}");
+        let rule = "SUBSYSTEM==\"tty\", KERNEL==\"null\", MODE=\"0660\", TAG+=\"uaccess\"";
+        assert!(refused.contains(rule) && !refused.contains("usermod"), "{refused}");
+    }
+
+    #[test]
+    fn a_rule_names_the_adapter_by_the_usb_device_above_its_terminal() {
+        let root = std::env::temp_dir().join(format!("krait-tty-{}", std::process::id()));
+        let (usb, class) = (root.join("usb1/1-2"), root.join("class/ttyUSB0"));
+        std::fs::create_dir_all(usb.join("1-2:1.0/ttyUSB0")).expect("a folder");
+        std::fs::create_dir_all(&class).expect("a folder");
+        for (key, value) in [("idVendor", "1a86\n"), ("idProduct", "7523\n")] {
+            std::fs::write(usb.join(key), value).expect("written");
+        }
+        std::os::unix::fs::symlink(usb.join("1-2:1.0/ttyUSB0"), class.join("device")).expect("a link");
+        let found = usb_ids(&root.join("class"), "ttyUSB0");
+        std::fs::remove_dir_all(&root).expect("removed");
+        assert_eq!(found, Some(["1a86", "7523"].map(str::to_owned)));
+        assert_eq!(usb_ids(&root.join("class"), "ttyS0"), None);
     }
 }

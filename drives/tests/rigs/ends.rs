@@ -165,7 +165,7 @@ fn failed_motion(make: ServoMake, what: &str, break_it: fn(&Emulator)) -> Motion
 #[test]
 fn whatever_fails_in_motion_the_recorded_goals_of_the_others_come_to_rest_by_one_factor_and_stay() {
     type Case = (&'static str, fn(&Emulator));
-    let cases: [Case; 6] = [
+    let cases: [Case; 7] = [
         ("silent", |e| e.wire().servos[1].faults.is_silent = true),
         ("deaf", |e| e.wire().servos[1].faults.is_deaf = true),
         ("overload", |e| {
@@ -174,6 +174,7 @@ fn whatever_fails_in_motion_the_recorded_goals_of_the_others_come_to_rest_by_one
         }),
         ("brown-out", |e| e.wire().servos[1].brown_out()),
         ("heat", |e| e.wire().servos[1].faults.error = 4),
+        ("supply", |e| e.wire().servos[1].faults.error = 1),
         ("leap", |e| e.wire().servos[1].place = 4094.0),
     ];
     on_each_make(|make| {
@@ -199,18 +200,23 @@ enum Costs {
 
 #[test]
 fn a_fault_of_the_line_in_motion_costs_readings_of_one_servo_and_the_goals_go_on() {
-    type Row = (&'static str, fn(&mut Faults), Costs);
-    let rows: [Row; 10] = [
-        ("checksum", |f| f.bad_checksum = 1, Costs::Answer),
-        ("cut short", |f| f.cut_short = 1, Costs::Answer),
-        ("other id", |f| f.other_id = 1, Costs::Answer),
-        ("wrong length", |f| f.wrong_length = 1, Costs::Answer),
-        ("silent", |f| f.is_silent = true, Costs::Answer),
-        ("later than the time-out", |f| f.late = Duration::from_millis(80), Costs::Answer),
-        ("deaf", |f| f.is_deaf = true, Costs::Goal),
-        ("stray byte", |f| f.stray_byte = 1, Costs::Nothing),
-        ("two pieces", |f| (f.two_pieces, f.late) = (1, Duration::from_millis(3)), Costs::Nothing),
-        ("late, but in time", |f| f.late = Duration::from_millis(10), Costs::Nothing),
+    type Row = (&'static str, fn(&mut ServoWire), Costs);
+    let rows: [Row; 11] = [
+        ("checksum", |w| w.servos[1].faults.bad_checksum = 1, Costs::Answer),
+        ("cut short", |w| w.servos[1].faults.cut_short = 1, Costs::Answer),
+        ("other id", |w| w.servos[1].faults.other_id = 1, Costs::Answer),
+        ("wrong length", |w| w.servos[1].faults.wrong_length = 1, Costs::Answer),
+        ("silent", |w| w.servos[1].faults.is_silent = true, Costs::Answer),
+        ("later than the time-out", |w| w.servos[1].faults.late = Duration::from_millis(80), Costs::Answer),
+        ("deaf", |w| w.servos[1].faults.is_deaf = true, Costs::Goal),
+        ("stray byte", |w| w.servos[1].faults.stray_byte = 1, Costs::Nothing),
+        (
+            "two pieces",
+            |w| (w.servos[1].faults.two_pieces, w.servos[1].faults.late) = (1, Duration::from_millis(3)),
+            Costs::Nothing,
+        ),
+        ("late, but in time", |w| w.servos[1].faults.late = Duration::from_millis(10), Costs::Nothing),
+        ("echo", |w| w.echoes = true, Costs::Nothing),
     ];
     on_each_make(|make| {
         // Long cycles: what is late by itself on a machine under load is in time here.
@@ -237,7 +243,7 @@ fn a_fault_of_the_line_in_motion_costs_readings_of_one_servo_and_the_goals_go_on
 }
 
 /// One fault of the second servo's line until a cycle shows it, and three whole cycles.
-fn break_line(motion: &mut Motion, set: fn(&mut Faults), costs: Costs, what: &str) {
+fn break_line(motion: &mut Motion, set: fn(&mut ServoWire), costs: Costs, what: &str) {
     let is_seen = |cycle: &DriveCycle| match costs {
         Costs::Nothing => true,
         Costs::Answer => !has_answered(cycle, 1),
@@ -245,13 +251,18 @@ fn break_line(motion: &mut Motion, set: fn(&mut Faults), costs: Costs, what: &st
     };
     motion.go(1);
     motion.begin_anew();
-    set(&mut motion.wire().servos[1].faults);
+    set(&mut motion.wire());
     motion.go(1);
     while !motion.cycles.iter().any(is_seen) {
         assert!(motion.cycles.len() < 4, "{what}: nobody has noticed");
         motion.go(1);
     }
-    motion.wire().servos[1].faults = Faults::default();
+    {
+        let mut wire = motion.wire();
+        let Faults { stray_byte, two_pieces, .. } = wire.servos[1].faults;
+        assert_eq!(stray_byte + two_pieces, 0, "{what}: it was sent");
+        (wire.servos[1].faults, wire.echoes) = (Faults::default(), false);
+    }
     motion.go(3);
 }
 

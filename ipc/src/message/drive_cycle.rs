@@ -27,7 +27,7 @@ pub struct DriveCycle {
     /// 0 off, 1 power is coming, 2 goes where the slave wants, 3 braking or at rest under power.
     pub phase: u32,
     /// What has failed since power was switched: 0 nothing, 1 silent, 2 tripped, 3 limp, 4 started anew, 5 leapt, 6 stale, 7 the bus
-    /// itself, 8 the slave was silent, 9 switched off by hardware, 10 knows another goal than it was told.
+    /// itself, 8 the slave was silent, 9 switched off by hardware, 10 knows another goal than it was told, 11 all silent.
     pub failure: u32,
     /// Which actuator has failed, from 1; 0: none, or all.
     pub failure_actuator: u32,

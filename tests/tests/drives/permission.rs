@@ -20,7 +20,7 @@ fn as_somebody_else(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn a_port_without_permission_is_refused_by_its_group_and_is_found_once_there_is_one() {
+fn a_port_without_permission_is_refused_by_what_would_open_it_and_is_found_once_there_is_one() {
     let (instance, folder) = (instance_name("rights"), TempFolder::new("rights"));
     let emulator = emulator(ServoMake::Sts3215);
     let config = configuration(ServoMake::Sts3215, &folder, &emulator, "");
@@ -28,18 +28,30 @@ fn a_port_without_permission_is_refused_by_its_group_and_is_found_once_there_is_
     allow(folder.path(), 0o755);
     allow(Path::new(&config), 0o644);
     let port = emulator.path().display().to_string();
-    allow(emulator.path(), if geteuid().is_root() { 0o600 } else { 0o000 });
-    // What another program calls the group.
+    // What another program calls the group, which is tty where pseudo-terminals have one.
     let group = Command::new("stat").args(["-c", "%G", &port]).output().expect("stat can be started");
     let group = String::from_utf8_lossy(&group.stdout).trim().to_owned();
     let looks = ["drives", "--port", &port, "--last-id", "3", "--json"];
-    for arguments in [&looks[..], &["drives", "--jog", "1", "--config", &config, "--instance", &instance]] {
-        let refused = as_somebody_else(arguments);
-        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
-        let sentence =
-            format!("the serial port {port} may not be opened: it belongs to the group {group}; join it with");
-        assert!(refused.status.code() == Some(2) && said.contains(&sentence), "{arguments:?}: {said}");
-        assert!(said.contains(&format!("`sudo usermod -aG {group} $USER`")), "{said}");
+    let kernel = port.trim_start_matches("/dev/");
+    // Only root's own right keeps out a group that may; whoever is not root is in it, and is kept out of his own.
+    let rights: &[u32] = if geteuid().is_root() { &[0o600, 0o620, 0o660] } else { &[0o000] };
+    for mode in rights {
+        allow(emulator.path(), *mode);
+        let is_joined = mode & 0o060 == 0o060 && group != "root";
+        for arguments in [&looks[..], &["drives", "--jog", "1", "--config", &config, "--instance", &instance]] {
+            let refused = as_somebody_else(arguments);
+            let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+            assert_eq!(refused.status.code(), Some(2), "{arguments:?}: {said}");
+            let by = if is_joined {
+                format!("it belongs to the group {group}; join it with `sudo usermod -aG {group} $USER`")
+            } else {
+                format!(
+                    "no group that you could join may read and write it (group {group}, rights {mode:03o}); write the line SUBSYSTEM==\"tty\", KERNEL==\"{kernel}\""
+                )
+            };
+            assert!(said.contains(&format!("the serial port {port} may not be opened: {by}")), "{mode:o}: {said}");
+            assert_eq!(said.contains("usermod"), is_joined, "{said}");
+        }
     }
     assert_eq!(emulator.wire().n_requests, 0, "nobody on the bus was told or asked anything");
     allow(emulator.path(), 0o666);

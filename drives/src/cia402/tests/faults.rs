@@ -61,6 +61,19 @@ fn one_that_is_silent_is_lost_after_three_cycles() {
 }
 
 #[test]
+fn one_whose_encoder_leaps_further_than_its_motor_can_is_stopped_at_once_and_one_that_is_as_fast_as_can_be_is_not() {
+    // Twice what 200,000 counts/s are in the three cycles of 2 ms that may be missing.
+    let leap = 2.0 * 200_000.0 * 3.0 * 2e-3;
+    let mut bench = broken(|drive, _| drive.place -= leap + 100.0);
+    let (n, failure) = until_failure(&mut bench);
+    assert!(n == 1 && matches!(failure, DriveError::Jumped { actuator: 2, .. }), "{n}: {failure}");
+    others_hold(&mut bench);
+    let mut bench = broken(|drive, _| drive.place -= leap - 200.0);
+    bench.go(20);
+    assert_eq!(bench.report().failure, None);
+}
+
+#[test]
 fn one_that_froze_is_told_to_stop_before_it_can_run_after_stale_targets() {
     let mut bench = broken(|drive, _| drive.faults.is_frozen = true);
     let (n, failure) = until_failure(&mut bench);

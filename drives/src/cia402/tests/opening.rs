@@ -4,6 +4,7 @@ use super::{ZERO, three};
 use crate::cia402::{Cia402, Frame, State, home_here, open, scan};
 use crate::emulator::{CanBus, CanDrive, CanWire};
 use crate::{BusGone, Seen};
+use core::sync::atomic::AtomicBool;
 use krait_slave::{DriveMode, SlaveConfig};
 
 /// Opens a bus, or says why not; nobody gets power or a target.
@@ -112,7 +113,10 @@ fn strangers_and_the_silent_are_named_and_left_alone() {
     let sentence = refusal(|bus, _| bus.lock().drives.clear());
     assert!(sentence.contains("no drive answers on vcan0, expected 3 with the ids 1, 2, 3"), "{sentence}");
     let sentence = refusal(|bus, _| bus.lock().drives.push(CanDrive::new(2, 0.0)));
-    assert!(sentence.contains("seem to have the id 2"), "{sentence}");
+    assert!(
+        sentence.contains("two drives seem to have the id 2") && sentence.contains("one drive on the bus"),
+        "{sentence}"
+    );
 
     // A stranger on the bus is asked nothing and told nothing.
     let (bus, config) = three();
@@ -177,7 +181,26 @@ fn a_scan_asks_only_and_finds_every_node_strangers_too() {
     assert_eq!(reading.counts, ZERO + 3);
     assert_eq!(crate::cia402::CanReading::of(&mut wire, 7).unwrap(), None);
     bus.lock().drives.push(CanDrive::new(3, 0.0));
-    assert!(scan(&mut wire, 20).unwrap_err().to_string().contains("seem to have the id 3"));
+    assert!(scan(&mut wire, 20).unwrap_err().to_string().contains("two drives seem to have the id 3"));
+}
+
+/// Nobody asks for a stop.
+static GO_ON: AtomicBool = AtomicBool::new(false);
+
+#[test]
+fn homing_that_is_ended_leaves_no_power_and_says_so() {
+    let (bus, config) = three();
+    for k in 0..3 {
+        bus.lock().with(k, |drive, out| drive.power_loss(out));
+    }
+    let (mut can, mut seen) = opened(&bus, &config).unwrap();
+    let sentence = can.home(&config, &mut seen, &AtomicBool::new(true)).unwrap_err().to_string();
+    assert!(sentence.contains("the drives have no power") && sentence.contains("begin anew"), "{sentence}");
+    for drive in &bus.lock().drives {
+        assert_eq!((drive.counts(), drive.state(), drive.object(0x6060, 0)), (0, State::SwitchOnDisabled, 8));
+    }
+    can.home(&config, &mut seen, &GO_ON).unwrap();
+    assert_eq!(seen.counts[..3], [ZERO; 3], "it can be begun anew");
 }
 
 #[test]
@@ -190,18 +213,18 @@ fn homing_where_they_stand_gives_the_zero_and_moves_nothing() {
     let (mut can, mut seen) = opened(&bus, &config).unwrap();
     assert_eq!(seen.counts[..3], [0; 3]);
     let places: Vec<f64> = bus.lock().drives.iter().map(|drive| drive.place).collect();
-    can.home(&config, &mut seen).unwrap();
+    can.home(&config, &mut seen, &GO_ON).unwrap();
     assert_eq!(seen.counts[..3], [ZERO; 3]);
     for (drive, place) in bus.lock().drives.iter().zip(places) {
         assert_eq!((drive.place, drive.state(), drive.object(0x6060, 0)), (place, State::SwitchOnDisabled, 8));
     }
     // An emergency stop is pressed on the third: it gets no power, and it is the one that is named.
     bus.lock().with(2, |drive, out| drive.press_emergency_stop(None, out));
-    let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
+    let sentence = can.home(&config, &mut seen, &GO_ON).unwrap_err().to_string();
     assert!(sentence.contains("ctuator 3 (id 3)"), "{sentence}");
     bus.lock().drives[2].release_emergency_stop();
     bus.lock().drives[1].remove_object(0x6098, 0);
-    let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
+    let sentence = can.home(&config, &mut seen, &GO_ON).unwrap_err().to_string();
     assert!(sentence.contains("actuator 2 (id 2) refuses object 6098:00"), "{sentence}");
 }
 
@@ -215,11 +238,11 @@ fn a_drive_that_keeps_its_count_is_not_homed_beside_others_and_gets_no_power() {
     let (mut can, mut seen) = opened(&bus, &config).unwrap();
     // It would be named if it were told to get power.
     bus.lock().with(1, |drive, out| drive.press_emergency_stop(None, out));
-    can.home(&config, &mut seen).unwrap();
+    can.home(&config, &mut seen, &GO_ON).unwrap();
     assert_eq!(seen.counts[..3], [ZERO, ZERO + 2, ZERO]);
     assert_eq!(bus.lock().drives[1].object(0x6098, 0), 0, "it was told no homing method");
     config.drive.actuator[2].zero_count = None;
-    let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
+    let sentence = can.home(&config, &mut seen, &GO_ON).unwrap_err().to_string();
     assert!(sentence.contains("actuator 3 has no zero_count") && sentence.contains("choose one"), "{sentence}");
 }
 
@@ -229,7 +252,7 @@ fn in_a_dry_run_drives_are_not_homed_because_that_takes_power() {
     config.drive.mode = DriveMode::Dry;
     let (mut can, mut seen) = opened(&bus, &config).unwrap();
     let n_frames = bus.lock().n_frames;
-    let sentence = can.home(&config, &mut seen).unwrap_err().to_string();
+    let sentence = can.home(&config, &mut seen, &GO_ON).unwrap_err().to_string();
     assert!(sentence.contains("mode = \"dry\"") && sentence.contains("set it to \"live\""), "{sentence}");
     assert_eq!(bus.lock().n_frames, n_frames, "they were told nothing");
     for drive in &bus.lock().drives {
@@ -237,5 +260,5 @@ fn in_a_dry_run_drives_are_not_homed_because_that_takes_power() {
     }
     // The same before the interface is opened: there is none of this name.
     config.drive.interface = Some("no-such-can".to_owned());
-    assert_eq!(home_here(&config).unwrap_err().to_string(), sentence);
+    assert_eq!(home_here(&config, &GO_ON).unwrap_err().to_string(), sentence);
 }

@@ -12,6 +12,7 @@ use std::time::Duration;
 /// Kinds of failures, as they are recorded.
 const BUS: u32 = 7;
 const UNLED: u32 = 8;
+const ALL_LOST: u32 = 11;
 /// Phase of a bus that brakes or rests.
 const STOPPED: u32 = 3;
 /// How long the slave may be silent, ms.
@@ -66,6 +67,36 @@ fn an_adapter_that_is_unplugged_in_motion_takes_no_goal_any_more_also_when_it_is
         let wire = motion.wire().clone();
         assert_eq!(wire.n_requests, 0, "{what}: what is plugged in again is not even asked");
         fs::remove_dir_all(folder).unwrap();
+    });
+}
+
+#[test]
+fn a_bus_on_which_nobody_answers_any_more_in_motion_comes_to_rest_at_the_goals_by_its_ramp() {
+    on_each_make(|make| {
+        let what = format!("{make:?}");
+        let mut motion = Motion::begin(make, |_| {});
+        motion.go(4);
+        motion.wire().servos.iter_mut().for_each(|servo| servo.faults.is_silent = true);
+        while motion.rig.drive.failure().is_none() {
+            assert!(motion.cycles.len() < 100, "{what}: nobody has noticed");
+            motion.go(1);
+        }
+        motion.go(5);
+        // Others that nobody can see may hear: their goals brake, and stay when all are back.
+        motion.wire().servos.iter_mut().for_each(|servo| servo.faults.is_silent = false);
+        motion.go(8);
+        let failed = motion.failed();
+        judge_motion(&motion, failed, &what);
+        let failure = motion.rig.drive.failure().unwrap().to_string();
+        assert!(failure.starts_with("no drive answers any more, for "), "{what}: {failure}");
+        assert_eq!((motion.cycles[failed].failure, motion.cycles[failed].failure_actuator), (ALL_LOST, 0), "{what}");
+        for k in 0..3 {
+            let steps = &motion.steps(k)[failed - 1..];
+            assert!(steps.windows(2).all(|two| two[1].abs() <= two[0].abs()), "{what}: slower and slower {steps:?}");
+            assert!(steps[steps.len() - 5..].iter().all(|step| *step == 0), "{what}: they stay {steps:?}");
+        }
+        assert!(motion.cycles[failed..].iter().all(|cycle| cycle.failure == motion.cycles[failed].failure), "{what}");
+        assert!(!motion.cycles[failed..].iter().any(|cycle| cycle.has(DriveCycle::SWITCHED_ON)), "{what}");
     });
 }
 

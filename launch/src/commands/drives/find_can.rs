@@ -135,3 +135,52 @@ pub(super) fn table(nodes: &[CanNode]) -> Table {
     }
     table
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_shows_who_a_node_is_and_how_with_what_it_does_not_tell_as_a_dash_and_says_that_a_stranger_is_never_moved()
+    {
+        let known = CanNode {
+            interface: "can0".to_owned(),
+            id: 3,
+            profile: 402,
+            vendor: 0x555,
+            product: 1,
+            serial: 7,
+            most_motor_speed: None,
+            velocity_unit: None,
+            is_known: true,
+            reading: Some(Reading {
+                counts: -40,
+                status: 0x0237,
+                state: "operation enabled",
+                torque_permille: Some(-125),
+            }),
+            speed: "3000 turns/min".to_owned(),
+        };
+        let reading = Some(Reading { counts: 5, status: 0x0250, state: "switch on disabled", torque_permille: None });
+        let silent = CanNode { interface: "can0".to_owned(), speed: "-".to_owned(), reading, ..known };
+        let stranger = CanNode {
+            interface: "can0".to_owned(),
+            speed: "-".to_owned(),
+            profile: 401,
+            is_known: false,
+            reading: None,
+            ..known
+        };
+        let told = table(&[known, silent, stranger]);
+        let rows: Vec<String> = told.rows().iter().map(|row| row.join("|")).collect();
+        assert_eq!(
+            rows,
+            [
+                "interface|id|drive|vendor|product|serial|own speed limit|counts|power|state|torque, of rated",
+                "can0|3|CiA 402|0x00000555|0x00000001|0x00000007|3000 turns/min|-40|on|operation enabled|-12.5 %",
+                "can0|3|CiA 402|0x00000555|0x00000001|0x00000007|-|5|off|switch on disabled|-",
+                "can0|3|stranger (profile 401), never moved|0x00000555|0x00000001|0x00000007|-|-|-|-|-",
+            ]
+        );
+    }
+}

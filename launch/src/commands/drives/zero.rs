@@ -16,6 +16,7 @@ use krait_drives::{OpenError, Seen, ServoBus, ServoMake, Units};
 use krait_slave::{ActuatorConfig, DriveKind, SlaveConfig};
 use serde::Serialize;
 use std::process::ExitCode;
+use std::sync::atomic::AtomicBool;
 
 /// One zero, as `--json` prints it.
 #[derive(Serialize)]
@@ -42,7 +43,7 @@ pub(super) fn run(common: &Common, args: &DrivesArgs) -> anyhow::Result<ExitCode
     }
     let seen = match config.drive.kind {
         DriveKind::Cia402 if config.drive.actuator.iter().any(|actuator| !actuator.is_absolute) => {
-            return tell_drives(&config, &text, args);
+            return tell_drives(&config, &text, args, &stop);
         }
         _ => counts(config.clone())?,
     };
@@ -88,8 +89,8 @@ fn counts(mut config: SlaveConfig) -> Result<Seen, OpenError> {
 
 /// Makes the configured zeros what drives with incremental encoders read where they stand; of those that keep their count, what they
 /// read is the zero.
-fn tell_drives(config: &SlaveConfig, text: &str, args: &DrivesArgs) -> anyhow::Result<ExitCode> {
-    let seen = home_here(config)?;
+fn tell_drives(config: &SlaveConfig, text: &str, args: &DrivesArgs, stop: &AtomicBool) -> anyhow::Result<ExitCode> {
+    let seen = home_here(config, stop)?;
     let actuators = config.drive.actuator.iter().zip(seen.counts).enumerate();
     let zeros: Vec<Zero> = actuators
         .map(|(k, (actuator, zero_count))| {
