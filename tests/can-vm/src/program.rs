@@ -3,14 +3,16 @@
 
 use crate::monitor::Monitor;
 use crate::single_steps;
+use crate::stops::judge_left_alone;
 use crate::verdict::PartVerdict;
 use crate::world::{DriveMake, Drives, INTERFACE, kill};
 use anyhow::{Context, ensure};
 use core::time::Duration;
 use krait_drives::cia402::{State, state};
+use krait_ipc::clock::monotonic_ns;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
 
 pub const CONFIG: &str = "/tmp/can.toml";
 pub const TURNED: &str = "/tmp/turned.toml";
@@ -18,6 +20,10 @@ const RECORDING: &str = "/tmp/program.mcap";
 pub const ZERO: i32 = 1_000_000;
 /// Largest step of a target in a cycle of 2 ms at the configured 20 mm/s, counts, and one for what arrives late by a tick.
 const MOST_COUNTS: i32 = 600;
+/// Step of a target in a cycle from which on the drives count as in motion, counts: 1 mm/s.
+const MOVING_COUNTS: i32 = 20;
+/// What was on its way when the slave was killed has arrived by then, ns.
+const LATE_NS: i64 = 5_000_000;
 
 /// A program of time sharing, as a user starts it.
 pub fn krait(arguments: &[&str]) -> Command {
@@ -71,6 +77,44 @@ fn slave() -> anyhow::Result<Pid> {
     anyhow::bail!("the chain has no slave")
 }
 
+/// The end of a program, with the bus watched meanwhile: what nobody takes is lost, and the newest is what counts.
+fn end(program: &mut Child, monitor: &mut Monitor) -> anyhow::Result<ExitStatus> {
+    loop {
+        std::thread::sleep(Duration::from_millis(1));
+        monitor.drain()?;
+        if let Some(ended) = program.try_wait()? {
+            return Ok(ended);
+        }
+    }
+}
+
+/// The slave is killed in motion. The supervisor is stopped first, so that no second slave touches the bus before the drives have been
+/// judged; then it goes on, and nothing moves by itself.
+fn judge_killed(verdict: &mut PartVerdict, monitor: &mut Monitor, chain: &Child) -> anyhow::Result<()> {
+    let slave = slave()?;
+    kill(chain, Signal::STOP)?;
+    let newest_step = |monitor: &Monitor| monitor.steps_since(0).last().map_or(0, |step| step.abs());
+    let is_moving = until(monitor, 5000, |monitor| newest_step(monitor) >= MOVING_COUNTS)?;
+    verdict.check("killed_in_motion_counts", is_moving, newest_step(monitor));
+    kill_process(slave, Signal::KILL)?;
+    let killed_ns = monotonic_ns();
+    monitor.drain()?;
+    let at = monitor.counts;
+    let judged = judge_left_alone(verdict, monitor, killed_ns, at).and_then(|()| monitor.drain());
+    kill(chain, Signal::CONT)?;
+    judged?;
+    let n_later = monitor.syncs.iter().filter(|(heard_ns, _)| *heard_ns > killed_ns + LATE_NS).count();
+    verdict.check("nobody_speaks", n_later == 0, n_later);
+    // A new slave holds them where they are; the operator would have to engage again.
+    until(monitor, 3000, |_| false)?;
+    monitor.syncs.clear();
+    let at = monitor.counts;
+    until(monitor, 1000, |_| false)?;
+    let is_still = monitor.counts == at;
+    verdict.check("new_slave_and_nothing_moves_again", is_still, format!("{:?}", state(monitor.status[0])));
+    Ok(())
+}
+
 /// The slave of the recording is run again on drives that answer what they answered then.
 fn judge_again(verdict: &mut PartVerdict) -> anyhow::Result<()> {
     let Output { stdout, stderr, .. } =
@@ -119,23 +163,9 @@ pub fn all() -> anyhow::Result<PartVerdict> {
     let most = monitor.steps_since(0).iter().map(|step| step.abs()).max().unwrap_or(0);
     verdict.check("largest_step_counts", most > 0 && most <= MOST_COUNTS, most);
 
-    kill_process(slave()?, Signal::KILL)?;
-    // They stop by themselves, or because a new slave holds them where they are; the operator would have to engage again.
-    until(&mut monitor, 3000, |_| false)?;
-    let at = monitor.counts;
-    monitor.syncs.clear();
-    until(&mut monitor, 1000, |_| false)?;
-    let is_still = monitor.counts == at;
-    verdict.check("slave_killed_and_nothing_moves_again", is_still, format!("{:?}", state(monitor.status[0])));
+    judge_killed(&mut verdict, &mut monitor, &chain)?;
     kill(&chain, Signal::INT)?;
-    // What nobody takes is lost, and the newest is what counts.
-    let ended = loop {
-        std::thread::sleep(Duration::from_millis(1));
-        monitor.drain()?;
-        if let Some(ended) = chain.try_wait()? {
-            break ended;
-        }
-    };
+    let ended = end(&mut chain, &mut monitor)?;
     let said = std::fs::read_to_string("/tmp/chain.log").unwrap_or_default();
     // Its slave was killed: it ran, and a process was lost on the way.
     verdict.check("chain_ends", ended.code() == Some(1), format!("code_{:?}", ended.code()));

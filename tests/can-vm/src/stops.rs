@@ -2,6 +2,7 @@
 
 use crate::chain::{RigChain, SPEED_M_PER_S};
 use crate::monitor::Monitor;
+use crate::program::until;
 use crate::verdict::PartVerdict;
 use crate::world::{BROKEN, DriveMake, Drives, GIVES_UP_MS, INTERFACE, PER_M, kill};
 use anyhow::Context;
@@ -147,28 +148,35 @@ pub fn master_killed(kind: DriveMake) -> anyhow::Result<PartVerdict> {
         .stderr(Stdio::null())
         .spawn()
         .context("the master")?;
-    let pass = |monitor: &mut Monitor, ms: u64, is_done: &dyn Fn(&Monitor) -> bool| -> anyhow::Result<bool> {
-        for _ in 0..ms {
-            std::thread::sleep(Duration::from_millis(1));
-            monitor.drain()?;
-            if is_done(monitor) {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    };
-    let is_moving = pass(&mut monitor, 5000, &|monitor| monitor.counts[0].unsigned_abs() > 10_000)?;
+    let is_moving = until(&mut monitor, 5000, |monitor| monitor.counts[0].unsigned_abs() > 10_000)?;
     kill(&master, Signal::KILL)?;
     let (killed_ns, at) = (monotonic_ns(), monitor.counts);
     master.wait()?;
     let mut verdict = PartVerdict::default();
     verdict.check("was_moving", is_moving, format!("{at:?}"));
+    judge_left_alone(&mut verdict, &mut monitor, killed_ns, at)?;
+    drop(monitor);
+    let mut chain = RigChain::powered(kind.period_ms())?;
+    chain.go(50)?;
+    verdict.check("taken_over", chain.drive.failure().is_none(), "yes");
+    Ok(verdict)
+}
+
+/// Whoever told the drives was killed at an instant, where they were then: each cries that it misses its master, stops under power, and
+/// stays.
+pub fn judge_left_alone(
+    verdict: &mut PartVerdict,
+    monitor: &mut Monitor,
+    killed_ns: i64,
+    at: [i32; 3],
+) -> anyhow::Result<()> {
     let has_cried = |monitor: &Monitor, node: u8| {
-        monitor.emergencies.iter().find(|(_, id, code)| (*id, *code) == (node, 0x8130)).map(|(heard_ns, ..)| *heard_ns)
+        let is_it = |(heard_ns, id, code): &&(i64, u8, u16)| (*id, *code) == (node, 0x8130) && *heard_ns >= killed_ns;
+        monitor.emergencies.iter().find(is_it).map(|(heard_ns, ..)| *heard_ns)
     };
-    pass(&mut monitor, 500, &|monitor| (1..=3).all(|node| has_cried(monitor, node).is_some()))?;
+    until(monitor, 500, |monitor| (1..=3).all(|node| has_cried(monitor, node).is_some()))?;
     for (name, node) in [("emergency_1_after_ms", 1), ("emergency_2_after_ms", 2), ("emergency_3_after_ms", 3)] {
-        let after_ms = has_cried(&monitor, node).map(|heard_ns| (heard_ns - killed_ns) as f64 * 1e-6);
+        let after_ms = has_cried(monitor, node).map(|heard_ns| (heard_ns - killed_ns) as f64 * 1e-6);
         let is_in_time = after_ms.is_some_and(|ms| ms <= f64::from(GIVES_UP_MS) + 20.0);
         verdict.check(name, is_in_time, after_ms.map_or("never".to_owned(), |ms| format!("{ms:.1}")));
     }
@@ -184,11 +192,8 @@ pub fn master_killed(kind: DriveMake) -> anyhow::Result<PartVerdict> {
     verdict.check("all_stopped_under_power", is_stopped, is_stopped);
     let is_still = first.iter().zip(&second).all(|(a, b)| a.counts == b.counts);
     verdict.check("all_still", is_still, is_still);
-    let way_mm = f64::from(second[0].counts.abs_diff(at[0])) / PER_M * 1e3;
+    let most = second.iter().zip(at).map(|(reading, at)| reading.counts.abs_diff(at)).max().unwrap_or(u32::MAX);
+    let way_mm = f64::from(most) / PER_M * 1e3;
     verdict.check("way_after_kill_mm", way_mm < 0.5, format!("{way_mm:.3}"));
-    drop(monitor);
-    let mut chain = RigChain::powered(kind.period_ms())?;
-    chain.go(50)?;
-    verdict.check("taken_over", chain.drive.failure().is_none(), "yes");
-    Ok(verdict)
+    Ok(())
 }
