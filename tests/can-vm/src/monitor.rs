@@ -1,7 +1,7 @@
 //! Listens to the bus beside the master: what drives were told at each SYNC, where they were, what they cried.
 
 use crate::world::INTERFACE;
-use krait_drives::cia402::{CanListener, Frame};
+use krait_drives::cia402::{CanListener, Frame, has_torque};
 use krait_ipc::clock::monotonic_ns;
 
 /// What was on the bus.
@@ -16,6 +16,10 @@ pub struct Monitor {
     pub counts: [i32; 3],
     pub status: [u16; 3],
     pub n_boots: [u32; 3],
+    /// Questions for objects and commands of the network's management, which a chain sends before its drives have power.
+    pub n_strange: u32,
+    /// Answers of drives without power.
+    pub n_unpowered: u32,
 }
 
 impl Monitor {
@@ -28,6 +32,8 @@ impl Monitor {
             counts: [0; 3],
             status: [0; 3],
             n_boots: [0; 3],
+            n_strange: 0,
+            n_unpowered: 0,
         })
     }
 
@@ -51,8 +57,10 @@ impl Monitor {
             }
             (0x180, 1..=3, [s0, s1, p0, p1, p2, p3, ..]) => {
                 self.status[node - 1] = u16::from_le_bytes([*s0, *s1]);
+                self.n_unpowered += u32::from(!has_torque(self.status[node - 1]));
                 self.counts[node - 1] = i32::from_le_bytes([*p0, *p1, *p2, *p3]);
             }
+            (0x600, 1..=3, _) | (0, 0, _) => self.n_strange += 1,
             (0x700, 1..=3, [0]) => self.n_boots[node - 1] += 1,
             _ => {}
         }

@@ -16,6 +16,8 @@ use std::process::{Child, Command, ExitStatus, Output, Stdio};
 
 pub const CONFIG: &str = "/tmp/can.toml";
 pub const TURNED: &str = "/tmp/turned.toml";
+/// What a krait beside the chain says.
+const OTHER: &str = "/tmp/other.log";
 const RECORDING: &str = "/tmp/program.mcap";
 pub const ZERO: i32 = 1_000_000;
 /// Largest step of a target in a cycle of 2 ms at the configured 20 mm/s, counts, and one for what arrives late by a tick.
@@ -86,6 +88,42 @@ fn end(program: &mut Child, monitor: &mut Monitor) -> anyhow::Result<ExitStatus>
             return Ok(ended);
         }
     }
+}
+
+/// Who would move the drives beside the chain, from another instance, is refused in one sentence, and the chain goes on.
+fn judge_others(verdict: &mut PartVerdict, monitor: &mut Monitor) -> anyhow::Result<()> {
+    for (name, words) in [
+        ("jog_beside_the_chain", &["--jog", "1"][..]),
+        ("zero_beside_the_chain", &["--zero"]),
+        ("calibrate_beside_the_chain", &["--calibrate"]),
+    ] {
+        (monitor.n_strange, monitor.n_unpowered) = (0, 0);
+        monitor.syncs.clear();
+        monitor.emergencies.clear();
+        // Of the idle class: this machine has one processor, and a real one has another for it.
+        let mut other = Command::new("/bin/chrt")
+            .args(["-i", "0", "/bin/krait", "drives", "--config", CONFIG, "--instance", "other"])
+            .args(words)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(std::fs::File::create(OTHER)?)
+            .spawn()
+            .context("another krait")?;
+        let ended = end(&mut other, monitor)?;
+        let said = std::fs::read_to_string(OTHER).context(OTHER)?;
+        let is_refused = ended.code() == Some(2) && said.lines().count() == 1;
+        let is_named = said.contains(&format!("the CAN interface {INTERFACE} is in use by another program"));
+        let (before, n_syncs) = (monitor.counts, monitor.syncs.len());
+        let goes_on = until(monitor, 1000, |monitor| {
+            monitor.counts[0].abs_diff(before[0]) > 1_000 && monitor.syncs.len() > n_syncs + 50
+        })?;
+        // What only somebody else would have sent, and drives that lost their power or cried.
+        let disturbed = (monitor.n_strange, monitor.n_unpowered, monitor.emergencies.len());
+        let is_met = is_refused && is_named && goes_on && disturbed == (0, 0, 0);
+        let figure = format!("{:?},{}_syncs,{disturbed:?}", ended.code(), monitor.syncs.len());
+        verdict.check(name, is_met, if is_named { figure } else { format!("{figure},{said:?}") }.replace(' ', "_"));
+    }
+    Ok(())
 }
 
 /// The slave is killed in motion. The supervisor is stopped first, so that no second slave touches the bus before the drives have been
@@ -163,6 +201,7 @@ pub fn all() -> anyhow::Result<PartVerdict> {
     let most = monitor.steps_since(0).iter().map(|step| step.abs()).max().unwrap_or(0);
     verdict.check("largest_step_counts", most > 0 && most <= MOST_COUNTS, most);
 
+    judge_others(&mut verdict, &mut monitor)?;
     judge_killed(&mut verdict, &mut monitor, &chain)?;
     kill(&chain, Signal::INT)?;
     let ended = end(&mut chain, &mut monitor)?;
