@@ -90,7 +90,7 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
         let qmp = Rc::clone(&qmp);
         Box::new(move || part(&mut qmp.borrow_mut(), fault))
     };
-    let all: [Part; 16] = [
+    let all: [Part; 18] = [
         ("mouse", part(parts::mouse)),
         ("tablet", part(parts::tablet)),
         ("keyboard", part(parts::keyboard)),
@@ -102,6 +102,8 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
         ("replug_control", part(|qmp, _| parts::replug_control(qmp))),
         ("usb_two", part(parts::usb_two)),
         ("usb_two_control", part(|qmp, _| parts::usb_two_control(qmp))),
+        ("usb_beside", part(parts::usb_beside)),
+        ("usb_beside_control", part(|qmp, _| parts::usb_beside_control(qmp))),
         ("usb_lights", part(|qmp, _| parts::usb_lights(qmp))),
         ("usb_restart", part(|qmp, _| parts::usb_restart(qmp))),
         ("mouse_repeated", part(|qmp, _| parts::mouse_repeated(qmp))),
