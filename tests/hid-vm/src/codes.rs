@@ -62,6 +62,27 @@ impl Code {
         whole.len() >= 5 && whole.iter().all(|(_, ms)| (50..=250).contains(ms))
     }
 
+    /// How many flashes each whole code has that counts something: one 0 where it is dark all the time, one 4 where it is on.
+    pub fn flashes(&self) -> Vec<usize> {
+        if self.is_dark() || self.is_steady() {
+            return vec![if self.is_dark() { 0 } else { 4 }];
+        }
+        let (mut codes, mut n_on, mut is_whole) = (Vec::new(), 0, false);
+        for (is_on, ms) in self.stretches() {
+            match (is_on, ms) {
+                (true, 50..=250) => n_on += 1,
+                (true, _) => is_whole = false,
+                // The pause between two codes; those between flashes are an eighth of a second.
+                (false, 500..) => {
+                    codes.extend((is_whole && n_on > 0).then_some(n_on));
+                    (n_on, is_whole) = (0, true);
+                }
+                (false, _) => {}
+            }
+        }
+        codes
+    }
+
     /// The stretches as one word.
     pub fn word(&self) -> String {
         let words: Vec<String> = self

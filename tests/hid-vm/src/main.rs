@@ -90,7 +90,7 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
         let qmp = Rc::clone(&qmp);
         Box::new(move || part(&mut qmp.borrow_mut(), fault))
     };
-    let all: [Part; 18] = [
+    let all: [Part; 19] = [
         ("mouse", part(parts::mouse)),
         ("tablet", part(parts::tablet)),
         ("keyboard", part(parts::keyboard)),
@@ -105,6 +105,7 @@ fn run_usb_parts(fault: DeviceFault) -> bool {
         ("usb_beside", part(parts::usb_beside)),
         ("usb_beside_control", part(|qmp, _| parts::usb_beside_control(qmp))),
         ("usb_lights", part(|qmp, _| parts::usb_lights(qmp))),
+        ("usb_meters", part(|qmp, _| parts::usb_meters(qmp))),
         ("usb_restart", part(|qmp, _| parts::usb_restart(qmp))),
         ("mouse_repeated", part(|qmp, _| parts::mouse_repeated(qmp))),
         ("keyboard_repeated", part(|qmp, _| parts::keyboard_repeated(qmp))),

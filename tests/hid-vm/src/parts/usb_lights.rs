@@ -29,13 +29,19 @@ fn files(device: &InputDevice) -> anyhow::Result<[PathBuf; 3]> {
 }
 
 /// What the lights were seen to do.
-struct Watched {
+pub struct Watched {
     files: [PathBuf; 3],
     seen: [Vec<(i64, bool)>; 3],
 }
 
 impl Watched {
-    fn look(&mut self) -> anyhow::Result<[bool; 3]> {
+    /// The three lights of a device, which were not looked at yet.
+    pub fn of(device: &InputDevice) -> anyhow::Result<Self> {
+        Ok(Self { files: files(device)?, seen: Default::default() })
+    }
+
+    /// Which are on.
+    pub fn look(&mut self) -> anyhow::Result<[bool; 3]> {
         let mut lit = [false; 3];
         for (idx, file) in self.files.iter().enumerate() {
             lit[idx] = std::fs::read_to_string(file).context("a light")?.trim() != "0";
@@ -45,7 +51,7 @@ impl Watched {
     }
 
     /// Looks for a while; each light's code, what was before left out.
-    fn watch(&mut self, duration: Duration, settled_ns: i64) -> anyhow::Result<[Code; 3]> {
+    pub fn watch(&mut self, duration: Duration, settled_ns: i64) -> anyhow::Result<[Code; 3]> {
         let (begun_ns, until_ns) = (clock::monotonic_ns(), clock::monotonic_ns() + duration.as_nanos() as i64);
         while clock::monotonic_ns() < until_ns {
             self.look()?;
@@ -60,7 +66,7 @@ pub fn lights(qmp: &mut Qmp) -> anyhow::Result<PartVerdict> {
     let mut verdict = PartVerdict::default();
     std::fs::write(FAST_HAND.0, FAST_HAND.1).context(FAST_HAND.0)?;
     let device = plugged(qmp, KEYBOARD.0, KEYBOARD.1)?;
-    let mut watched = Watched { files: files(&device)?, seen: Default::default() };
+    let mut watched = Watched::of(&device)?;
     let before = watched.look()?;
     verdict.check("before", before == [false; 3], format!("{before:?}").replace(' ', ""));
     let node = device.node.display().to_string();
