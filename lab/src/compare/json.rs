@@ -32,6 +32,7 @@ impl Comparison {
             "as_given_rms": self.as_given_rms,
             "as_given_rms_deg": deg(self.as_given_rms),
             "calibration": self.calibration,
+            "still_joints": self.still_joints,
             "error_m": {"rms": self.position_rms_m},
             "noise_floor_deg": self.noise_floor.and_then(deg),
             "noise_floor_source": self.noise_source,

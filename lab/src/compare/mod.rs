@@ -17,6 +17,7 @@ pub use parts::Parts;
 
 use crate::cells::load_cells;
 use crate::diagnose::{LoadCell, number_name};
+use crate::joint::hides_gain;
 use crate::machine::{JointsLab, MachineUnderTest, OpenNumber};
 use crate::noise::NoiseFloor;
 use crate::prepare::{Prepared, prepare};
@@ -42,8 +43,10 @@ pub struct Comparison {
     pub error: Spread,
     /// The same root mean square with what the model leaves out at its default.
     pub as_given_rms: f64,
-    /// Gain and offset of each joint as used; empty for a machine without such numbers.
+    /// Gain and offset of each joint as used; empty for a machine without such numbers. An open gain of a joint that does not move is none.
     pub calibration: Vec<Calibrated>,
+    /// Joints, from 1, that do not move, so that the gain that the model leaves open cannot be seen.
+    pub still_joints: Vec<usize>,
     /// Bend and plane apart; `None` for joints.
     pub parts: Option<Parts>,
     /// Error of each output, root mean square.
@@ -109,13 +112,16 @@ pub fn compare(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Co
         return Ok(Comparison { loads: loads(machine, data)?, ..given });
     };
     let own = calibrated.as_ref();
-    let calibration = match own.as_joints() {
-        Some(joints) => gains_and_offsets(joints),
-        None => open_numbers(own)?,
+    let (calibration, still_joints) = match own.as_joints() {
+        Some(joints) => {
+            let (still, seen): (Vec<_>, _) = (0..data.n_inputs).partition(|k| hides_gain(joints, data, *k, &[]));
+            (gains_and_offsets(joints, seen), still.iter().map(|k| k + 1).collect())
+        }
+        None => (open_numbers(own)?, Vec::new()),
     };
     let (as_given_rms, loads) = (given.error.rms, loads(own, data)?);
     let predicted = own.predict(own.effects(), data)?;
-    Ok(Comparison { as_given_rms, calibration, loads, ..compare_prediction(own, data, &predicted) })
+    Ok(Comparison { as_given_rms, calibration, still_joints, loads, ..compare_prediction(own, data, &predicted) })
 }
 
 /// What a snake's model file leaves open, with the values of a calibrated machine.
@@ -141,7 +147,7 @@ fn loads(machine: &dyn MachineUnderTest, data: &Measurements) -> Result<Option<V
     Ok(predicted_n.map(|own| load_cells(rows, cells, &own, &own)))
 }
 
-fn gains_and_offsets(calibrated: &JointsLab) -> Vec<Calibrated> {
+fn gains_and_offsets(calibrated: &JointsLab, of: Vec<usize>) -> Vec<Calibrated> {
     let own = calibrated.joints();
     let gain_unit = format!("{}/{}", own.y_unit, own.u_unit);
     let (unit, scale) = calibrated.error_unit();
@@ -167,7 +173,7 @@ fn gains_and_offsets(calibrated: &JointsLab) -> Vec<Calibrated> {
             },
         ]
     };
-    (0..own.n).flat_map(one).collect()
+    of.into_iter().flat_map(one).collect()
 }
 
 /// The same for outputs that are already predicted.
@@ -205,6 +211,7 @@ pub fn compare_prediction(machine: &dyn MachineUnderTest, data: &Measurements, p
         },
         as_given_rms: error.rms,
         calibration: Vec::new(),
+        still_joints: Vec::new(),
         worst: worst::sentence(&bins, error.rms, unit),
         bins,
         error,

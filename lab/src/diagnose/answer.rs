@@ -95,7 +95,8 @@ pub struct Diagnosis {
     pub clocks: Vec<ClockOffset>,
     /// Where each recording's camera was found to stand, beside the first one's; empty where all stand alike.
     pub cameras: Vec<CameraOffset>,
-    /// Of joints, measured columns that stand in another order: the joint, from 0, whose measurement it is, and the one that it is called by.
+    /// Columns that stand in another order, measured ones of joints and commanded ones of lines: the joint or line, from 0, whose it is, and the
+    /// one that it is called by.
     pub order: Vec<(usize, usize)>,
     /// The missing effects, the one that brings most first; empty unless the verdict says missing or partly.
     pub effects: Vec<FoundEffect>,

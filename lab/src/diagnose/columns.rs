@@ -37,11 +37,27 @@ const OF_LINES: [([usize; 3], f64, &str); 11] = [
     ([2, 0, 1], -1.0, "the lines are probably numbered q3, q1, q2 and all three negated"),
 ];
 
-/// What is probably wrong with the columns, a sentence; `None` where they are as good as any. `noise` is that of one output, if known.
+/// What is probably wrong with the columns.
+#[derive(Clone, Debug)]
+pub(super) struct Hint {
+    /// In a sentence.
+    pub said: String,
+    /// Lines that stand in another column, where that is all that can be meant: the line, from 0, and the one that it is called by.
+    pub order: Vec<(usize, usize)>,
+}
+
+impl Hint {
+    /// One of which nothing more is known than its sentence.
+    pub fn of(said: String) -> Self {
+        Self { said, order: Vec::new() }
+    }
+}
+
+/// What is probably wrong with the columns; `None` where they are as good as any. `noise` is that of one output, if known.
 ///
 /// # Errors
 /// [`LabError::Chain`] where the model's own effects make no chain.
-pub(super) fn check(problem: &Problem, noise: Option<f64>) -> Result<Option<String>, LabError> {
+pub(super) fn check(problem: &Problem, noise: Option<f64>) -> Result<Option<Hint>, LabError> {
     let data = &problem.data;
     let of_machine = match (data.quantity, data.n_inputs, data.n_outputs) {
         (Quantity::Snake, 3, 2) => of_snake,
@@ -70,9 +86,10 @@ pub(super) fn check(problem: &Problem, noise: Option<f64>) -> Result<Option<Stri
     let after: Vec<f64> = others.par_iter().map(|own| rms(own).unwrap_or(f64::INFINITY)).collect();
     let best = after.iter().zip(&others).min_by(|a, b| a.0.total_cmp(b.0));
     let (_, scale) = problem.machine.error_unit();
-    Ok(best
-        .filter(|(after, _)| **after < MUCH_LESS * before)
-        .map(|(after, own)| format!("{}: {:.3} deg becomes {:.3} deg", own.what, before * scale, after * scale)))
+    Ok(best.filter(|(after, _)| **after < MUCH_LESS * before).map(|(after, own)| Hint {
+        said: format!("{}: {:.3} deg becomes {:.3} deg", own.what, before * scale, after * scale),
+        order: own.order(&given),
+    }))
 }
 
 fn of_snake(given: &Arrangement) -> Vec<Arrangement> {
@@ -124,6 +141,14 @@ impl Arrangement {
 
     fn called(&self, what: &str) -> Self {
         Self { lines: self.lines.clone(), sign: self.sign, outputs: self.outputs.clone(), what: what.to_owned() }
+    }
+
+    /// Lines that stand in another column, if nothing else would explain as much.
+    fn order(&self, given: &Self) -> Vec<(usize, usize)> {
+        if self.sign != given.sign || self.outputs != given.outputs || self.what.contains(", or ") {
+            return Vec::new();
+        }
+        self.lines.iter().copied().enumerate().filter(|(line, called)| line != called).collect()
     }
 
     fn inputs(&self, data: &Measurements) -> Measurements {

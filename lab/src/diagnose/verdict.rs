@@ -69,7 +69,7 @@ pub(super) fn by_one_clock(
     };
     let is_white = loads.cells().is_none_or(|cells| cells.is_white);
     let hint = match data.quantity {
-        Quantity::Force => force_columns::check(&work, &base_variables)?,
+        Quantity::Force => force_columns::check(&work, &base_variables)?.map(columns::Hint::of),
         _ => columns::check(&work, floors.differences)?,
     };
     let most = if hint.is_some() { 0 } else { options.max_effects };
@@ -168,7 +168,7 @@ pub(super) struct Case<'a> {
     pub(super) found: Findings,
     pub(super) n_outliers: usize,
     /// What is probably wrong with the columns.
-    pub(super) hint: Option<String>,
+    pub(super) hint: Option<columns::Hint>,
 }
 
 impl Case<'_> {
@@ -226,7 +226,7 @@ impl Case<'_> {
         let n_own = search.base_variables.len();
         cautions.extend(inseparable(&chosen.fit, n_own));
         cautions.extend(self.hidden_scale(&chosen, &known));
-        cautions.extend(self.hint.clone());
+        cautions.extend(self.hint.iter().map(|hint| hint.said.clone()));
         cautions.extend(odd);
         let mut terms = chosen.fit.effects.clone();
         let (effects, partial) = if matches!(verdict, Verdict::Unknown | Verdict::TooShort) {
@@ -243,7 +243,7 @@ impl Case<'_> {
         let explained_share = floor.rms.filter(|_| !effects.is_empty()).map(|_| 1.0 - remaining.unexplained);
         Ok(Diagnosis {
             sentence: match &self.hint {
-                Some(hint) => columns_first(hint),
+                Some(hint) => columns_first(&hint.said),
                 None if verdict == Verdict::TooShort => too_short(problem),
                 None => sentence(verdict, &effects, |_| String::new(), &remaining, after, floor.rms, unit),
             },
@@ -253,7 +253,7 @@ impl Case<'_> {
             loads,
             clocks: Vec::new(),
             cameras: Vec::new(),
-            order: Vec::new(),
+            order: self.hint.iter().flat_map(|hint| hint.order.clone()).collect(),
             model_free_rms: None,
             locked: None,
             unit: unit.to_owned(),

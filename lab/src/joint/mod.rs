@@ -37,4 +37,4 @@ pub(crate) use numbers::calibrated;
 pub(crate) use own::{Ground, OF_MACHINE, Start, Together, told};
 pub(crate) use signal::Number;
 pub(crate) use starts::{Starts, has_starts, with_starts};
-pub(crate) use still::{check_effect, check_gains};
+pub(crate) use still::{check_effect, check_gains, hides_gain};

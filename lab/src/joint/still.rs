@@ -26,7 +26,7 @@ pub(crate) fn check_gains(
 }
 
 /// Whether nothing can be said of a joint's gain: it is open, and the joint stands still in every recording.
-pub(super) fn hides_gain(
+pub(crate) fn hides_gain(
     machine: &JointsLab,
     data: &Measurements,
     joint: usize,

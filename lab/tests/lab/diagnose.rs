@@ -367,6 +367,9 @@ fn columns_that_are_exchanged_or_negated_are_said_before_any_effect() {
             found.sentence
         );
         assert_eq!((found.verdict, found.effects.len(), found.partial.len()), (Verdict::Unknown, 0, 0), "{words}");
+        // Where a camera that is mirrored or turned would explain as much, no order is told.
+        let order: &[_] = if words.contains("exchanged") { &[(0, 1), (1, 0)] } else { &[] };
+        assert_eq!(found.order, order, "{words}");
     }
 }
 

@@ -1,6 +1,7 @@
 //! Columns of joints that are not what their names say, and gains that a model holds too tightly.
 
 use crate::noise::Noise;
+use krait_lab::compare::compare;
 use krait_lab::diagnose::{DiagnoseOptions, Diagnosis, Verdict, diagnose};
 use krait_lab::machine::JointsLab;
 use krait_lab::{AddOptions, LabError, Measurements, Quantity, Term, add, save};
@@ -81,4 +82,22 @@ fn a_held_gain_is_freed_by_name_and_for_all_joints_at_once() {
     let better = save(&file, &added, "backlash", &data, "2026-11-26").expect("a model").to_toml();
     let gains = better.lines().find(|line| line.starts_with("gain")).expect("gains");
     assert!(gains.contains("1.2") || gains.contains("1.19"), "{gains}");
+}
+
+/// A joint that does not move shows no gain: a comparison makes none up and says so, of that joint alone.
+#[test]
+fn a_comparison_tells_no_gain_of_a_joint_that_does_not_move() {
+    let (_, machine) = model("");
+    let mut still = data(1.1, [0, 1, 2]);
+    still.inputs.iter_mut().skip(1).step_by(N).for_each(|u| *u = 0.3);
+    let found = compare(&machine, &still).expect("a chain");
+    let joints: Vec<_> = found.calibration.iter().map(|own| (own.name.as_str(), own.joint)).collect();
+    let of = |joint| [("gain", Some(joint)), ("offset", Some(joint))];
+    assert_eq!(joints, [of(1), of(3)].concat());
+    assert_eq!(found.still_joints, [2]);
+    let all = compare(&machine, &data(1.1, [0, 1, 2])).expect("a chain");
+    assert_eq!((all.calibration.len(), all.still_joints.len()), (2 * N, 0));
+    let (_, held) = model("gain = [1.0, 1.0, 1.0]\noffset = [0.0, 0.0, 0.0]");
+    let held = compare(&held, &still).expect("a chain");
+    assert_eq!(held.still_joints.len(), 0, "what the model holds is no question");
 }

@@ -1,4 +1,5 @@
-//! A camera that comes ahead of the encoders, or that was mounted anew: the diagnosis says so, and the commands that it prints reach what it promises.
+//! A camera that comes ahead of the encoders, or that was mounted anew, or lines whose columns are exchanged: the diagnosis says so, and the
+//! commands that it prints reach what it promises.
 
 use serde_json::Value;
 use std::path::PathBuf;
@@ -122,4 +123,28 @@ fn commands_after_a_camera_mounted_anew_reach_what_the_diagnosis_promised() {
     assert!(left < 1.02 * promised, "{left} deg, promised {promised}");
     let without = error_deg(&format!("lab compare {data} --json"));
     assert!(without > 1.2 * left, "{without} deg by one camera, {left} by its own");
+}
+
+#[test]
+fn exchanged_lines_of_a_snake_are_followed_by_the_diagnosis_that_maps_them() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("lines-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = |name: &str| folder.join(name).display().to_string();
+    let (data, model) = (path("data.csv"), path("base.toml"));
+    let made = krait(&format!("lab generate --kind stiffness --size 3 --seconds 60 --seed 32 --out {data}"));
+    assert!(made.status.success(), "{made:?}");
+    let text = std::fs::read_to_string(&data).unwrap();
+    let (header, rows) = text.split_once('\n').unwrap();
+    let header = header.replace("q1_m", "once").replace("q3_m", "q1_m").replace("once", "q3_m");
+    std::fs::write(&data, format!("{header}\n{rows}")).unwrap();
+
+    let files = format!("--model {model} --data {data}");
+    let said = String::from_utf8(krait(&format!("lab diagnose {files} --max-effects 1")).stdout).unwrap();
+    assert!(said.contains("q1 and q3 are probably exchanged"), "{said}");
+    let next = said.lines().find_map(|line| line.strip_prefix("Next: with the columns in order: krait "));
+    let next = next.unwrap_or_else(|| panic!("{said}"));
+    assert!(next.contains("--map q1_m=q3_m --map q3_m=q1_m"), "{next}");
+    let again = String::from_utf8(krait(&format!("{next} --max-effects 1")).stdout).unwrap();
+    assert!(next_command(&again).starts_with("lab add stiffness"), "{again}");
+    std::fs::remove_dir_all(folder).unwrap();
 }

@@ -52,6 +52,9 @@ fn text(found: &Comparison, names: &Names) -> String {
             .collect();
         text += &format!("after calibration ({}); {:.3} {unit} rms without\n", numbers.join(", "), found.as_given_rms);
     }
+    for joint in &found.still_joints {
+        text += &format!("{} does not move, so that its gain cannot be seen\n", names.joint(*joint));
+    }
     let floor = found.noise_floor.map_or("unknown".to_owned(), |floor| format!("{floor:.3} {unit}"));
     text += &format!("Noise of the measurement: {floor} rms ({})\n", found.noise_source);
     if let Some(position_m) = found.position_rms_m {

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 pub fn after_diagnosis(args: &DiagnoseArgs, diagnosis: &Diagnosis, session: &Session) -> String {
     let model = &args.files.model;
     // Nothing else is worth doing until the columns are right.
-    let in_order = (!diagnosis.order.is_empty()).then(|| in_order(args, &diagnosis.order)).flatten();
+    let in_order = (!diagnosis.order.is_empty()).then(|| in_order(args, &diagnosis.order, session)).flatten();
     if let Some(next) = in_order {
         return next;
     }
@@ -64,12 +64,13 @@ pub fn after_fit(files: &LabFiles, out: &Path) -> String {
 }
 
 /// The same diagnosis of columns in the order that was found; `None` where no mapping says it.
-fn in_order(args: &DiagnoseArgs, order: &[(usize, usize)]) -> Option<String> {
+fn in_order(args: &DiagnoseArgs, order: &[(usize, usize)], session: &Session) -> Option<String> {
+    let column = if matches!(session.file.machine(), Machine::Joints(_)) { 'y' } else { 'q' };
     let map = args.files.column_map().ok()?;
     let names: Vec<String> = columns(args.files.data.first()?).ok()?.into_iter().map(|own| own.name).collect();
     let mut files = args.files.clone();
-    for (joint, called) in order {
-        let [to, from] = [joint, called].map(|joint| format!("y{}", joint + 1));
+    for (whose, called) in order {
+        let [to, from] = [whose, called].map(|own| format!("{column}{}", own + 1));
         files.map.retain(|own| !own.is_of(&to));
         files.map.push(Mapping::of_column(&from, &map, &names)?.moved(&from, &to)?);
     }
