@@ -116,8 +116,11 @@ add_module() {
   echo "$name" >>"$2/lib/modules/order"
 }
 
-# A machine that has printed nothing for so long stands still with its clock: a part that does not end is told by its own alarm before.
+# A machine that has printed nothing for so long stands still with its clock: a part that does not end is told by its own alarm before. One
+# that waits uses some processor time all the same, for its kernel's ticks, also beside others that take all they can; one that has used
+# none for so long has stopped for good.
 STILL_S=${VM_STILL_S:-900}
+UNUSED_S=${VM_UNUSED_S:-120}
 
 # boot CACHE TREE CONSOLE CLOCK SECONDS WORDS [OPTION...]: runs the machine until it switches off. CLOCK is QEMU's -icount: with
 # shift=N an instruction takes 2^N ns, with sleep=off the machine never waits, with sleep=on it waits as long as the host does. OPTIONs
@@ -128,7 +131,7 @@ boot() {
   [ "$code" = 75 ] || return "$code"
   tail -n 3 "$3"
   cp "$3" "$3.still"
-  echo "the machine has printed nothing for $STILL_S s and is booted once more; its console until then: $3.still"
+  echo "the machine stands still ($(cat "$2.still")) and is booted once more; its console until then: $3.still"
   boot_once "$@"
 }
 
@@ -154,11 +157,24 @@ boot_once() {
   return "$code"
 }
 
-# end_where_still TREE CONSOLE: ends the machine and says so by a file, where nothing is printed any more; runs beside it.
+# end_where_still TREE CONSOLE: ends the machine and says so by a file, where nothing is printed any more or no processor time is used; runs
+# beside it.
 end_where_still() {
+  local now used newest='' since why
+  since=$(date +%s)
   while sleep 5 && kill -0 $$; do
-    [ $(($(date +%s) - $(stat -c %Y "$2"))) -gt "$STILL_S" ] || continue
-    touch "$1.still"
+    now=$(date +%s)
+    used=$(awk '{ print $14 + $15 }' "/proc/$(cat "$1.pid")/stat") || used=''
+    [ -n "$used" ] && [ "$used" = "$newest" ] || since=$now
+    newest=$used
+    if [ $((now - $(stat -c %Y "$2"))) -gt "$STILL_S" ]; then
+      why="it has printed nothing for $STILL_S s"
+    elif [ $((now - since)) -gt "$UNUSED_S" ]; then
+      why="it has used no processor time for $UNUSED_S s"
+    else
+      continue
+    fi
+    echo "$why" >"$1.still"
     kill -KILL "$(cat "$1.pid")"
     return
   done
